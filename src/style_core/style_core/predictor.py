@@ -1,0 +1,112 @@
+"""The protocol that every on-line predictor fulfils, and the values it returns."""
+import enum
+from dataclasses import dataclass, field
+from typing import Mapping, Optional, Protocol, Tuple
+
+import numpy as np
+
+__all__ = ['Status', 'Estimate', 'Prediction', 'OnlinePredictor']
+
+
+class Status(enum.IntEnum):
+    """How far the estimate can be trusted."""
+
+    ACQUIRING = 0
+    TRACKING = 1
+    LOST = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What a predictor believes after one update.
+
+    Attributes
+    ----------
+    time : float
+        Stamp of the update, s.
+    phase : float
+        Rad in [0, 2 pi) for rhythmic behaviour, [0, 1] for discrete.
+    phase_velocity : float
+        Rad/s, or 1/s for discrete behaviour.
+    phase_covariance : ndarray, shape (2, 2)
+        Of phase and phase velocity.
+    style : ndarray, shape (J,)
+    style_covariance : ndarray, shape (J, J)
+    mean, std : ndarray, shape (D,)
+        Filtered pose, rad: observed joints smoothed, masked joints filled in.
+    observed : ndarray of bool, shape (D,)
+        Which joints entered this update.
+    innovation : float
+        Squared Mahalanobis innovation divided by the number of observed joints; about 1 when the model fits,
+        NaN when nothing was observed.
+    log_likelihood : float
+        Of this update's observation, nats.
+    status : Status
+    behaviours : mapping of str to float
+        Probability of each behaviour; empty where the model has one only.
+    """
+
+    time: float
+    phase: float
+    phase_velocity: float
+    phase_covariance: np.ndarray
+    style: np.ndarray
+    style_covariance: np.ndarray
+    mean: np.ndarray
+    std: np.ndarray
+    observed: np.ndarray
+    innovation: float
+    log_likelihood: float
+    status: Status
+    behaviours: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Future poses.
+
+    Attributes
+    ----------
+    times : ndarray, shape (H,)
+        Absolute stamps, s.
+    mean, std, velocity : ndarray, shape (H, D)
+        Rad, rad, rad/s.
+    """
+
+    times: np.ndarray
+    mean: np.ndarray
+    std: np.ndarray
+    velocity: np.ndarray
+
+
+class OnlinePredictor(Protocol):
+    """Update with each observation, predict at any time ahead.
+
+    ``joint_names`` gives the order of the D channels of every array.
+    """
+
+    joint_names: Tuple[str, ...]
+
+    def reset(self) -> None:
+        """Forget everything observed; the next update starts a search."""
+
+    def update(self, time: float, y: np.ndarray, mask: Optional[np.ndarray] = None) -> Estimate:
+        """Take one observation.
+
+        Parameters
+        ----------
+        time : float
+            Stamp, s; must increase strictly from call to call.
+        y : ndarray, shape (D,)
+            Rad; NaN means not observed.
+        mask : ndarray of bool, shape (D,), optional
+            False where a joint is not to be used.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong or time does not increase.
+        """
+
+    def predict(self, horizons: np.ndarray) -> Prediction:
+        """Predict at ``horizons`` (shape (H,), s after the last update, >= 0)."""
