@@ -1,0 +1,48 @@
+"""Reading text safely, and writing without ever losing the old file."""
+import contextlib
+import os
+import tempfile
+from pathlib import Path
+
+from style_core.errors import MotionError
+
+__all__ = ['read_text', 'replacing']
+
+
+def read_text(path):
+    """Text of a file, with line ends of any kind; MotionError for one that is absent, binary or empty."""
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise MotionError(f'{path} does not exist') from None
+    except (IsADirectoryError, PermissionError) as error:
+        raise MotionError(f'{path} cannot be read: {error.strerror}') from None
+    if b'\0' in data:
+        raise MotionError(f'{path} is a binary file, not text')
+    if not data.strip():
+        raise MotionError(f'{path} is empty')
+    # comments may be in any old encoding; names and numbers are ASCII
+    return data.decode('utf-8-sig', errors='replace')
+
+
+@contextlib.contextmanager
+def replacing(path, mode='w'):
+    """Open a new file that takes the place of ``path`` once it is complete; on failure the old one stays."""
+    path = Path(path)
+    if path.is_dir():
+        raise MotionError(f'{path} is a folder')
+    if not path.parent.is_dir():
+        raise MotionError(f'the folder {path.parent} does not exist')
+    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix='.' + path.name, suffix='.part')
+    try:
+        with os.fdopen(descriptor, mode) as stream:
+            yield stream
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(temporary, 0o666 & ~umask)
+        os.replace(temporary, path)
+    except BaseException:
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(temporary)
+        raise

@@ -1,0 +1,83 @@
+"""Left and right: which joint is whose partner, and which angles change sign."""
+import re
+
+import numpy as np
+
+from style_core.errors import MotionError
+
+__all__ = ['partner_name', 'mirror_rule']
+
+#: reflection about x = 0: translations across the plane and rotations about axes in the plane change sign
+_AXIS_SIGNS = {'tx': -1.0, 'ty': 1.0, 'tz': 1.0, 'rx': 1.0, 'ry': -1.0, 'rz': -1.0}
+_WORDS = {'left': 'right', 'Left': 'Right', 'LEFT': 'RIGHT'}
+_WORDS.update({right: left for left, right in list(_WORDS.items())})
+_LETTERS = {'l': 'r', 'r': 'l', 'L': 'R', 'R': 'L'}
+
+
+def partner_name(name, names):
+    """Name of the same joint on the other side.
+
+    Parameters
+    ----------
+    name : str
+        ``left_hip``, ``LeftHip``, ``hip_l``, ``L_hip``, ``hip.R``, ``lfemur`` and the like.
+    names : container of str
+        All names there are; a bare first letter (``lfemur``) counts as a side only if the partner is among them.
+
+    Returns
+    -------
+    str
+        The partner (which may be absent from ``names`` where the side is spelt out), or ``name`` itself for a joint
+        in the middle.
+    """
+    spelt = re.search(r'(?:(?<=[^A-Za-z])|^)(left|right|LEFT|RIGHT)(?=[^a-z]|$)|(Left|Right)(?![a-z])', name)
+    if spelt:
+        return name[:spelt.start()] + _WORDS[spelt.group()] + name[spelt.end():]
+    letter = re.search(r'^[lrLR](?=[_.\-])|(?<=[_.\-])[lrLR](?=[_.\-]|$)', name)
+    if letter:
+        return name[:letter.start()] + _LETTERS[letter.group()] + name[letter.end():]
+    if name[:1] in _LETTERS:
+        other = _LETTERS[name[0]] + name[1:]
+        if other in names:
+            return other
+    return name
+
+
+def mirror_rule(joint_names, skeleton=None):
+    """Columns and signs that exchange left and right.
+
+    Parameters
+    ----------
+    joint_names : sequence of str, length D
+    skeleton : Skeleton, optional
+        See `Motion.mirror`.
+
+    Returns
+    -------
+    sources : ndarray of int, shape (D,)
+        ``mirrored[:, d] = signs[d] * positions[:, sources[d]]``.
+    signs : ndarray, shape (D,)
+
+    Raises
+    ------
+    MotionError
+        If a sign is not known or a partner is absent.
+    """
+    known = set(joint_names) if skeleton is None else set(joint_names) | set(skeleton.channel_names)
+    column = {name: index for index, name in enumerate(joint_names)}
+    sources, signs = [], []
+    for name in joint_names:
+        partner = partner_name(name, known)
+        if partner not in column:
+            raise MotionError(f'cannot mirror: {name} needs its partner {partner}, which is not there')
+        sources.append(column[partner])
+        if skeleton is not None:
+            signs.append(skeleton.mirror_sign(name))
+            continue
+        axis = name.rpartition('.')[2]
+        if axis not in _AXIS_SIGNS:
+            raise MotionError(f'cannot mirror {name}: the name does not tell its axis; give a skeleton')
+        if partner == name and name[:1] in _LETTERS and not re.match(r'root|low', name):
+            raise MotionError(f'cannot mirror: {name} looks like one side of a pair whose other side is not there')
+        signs.append(_AXIS_SIGNS[axis])
+    return np.array(sources), np.array(signs)
