@@ -5,8 +5,28 @@ A command that works on any model kind finds the kind in the model file and hand
 """
 
 COMMANDS = {
+    'train': ('learn a model from recordings', 'style_core.cli.train'),
+    'info': ('say what a model or motion file holds', 'style_core.cli.info'),
+    'predict': ('predict the course of a recording', 'style_core.cli.by_kind'),
+    'evaluate': ('measure a model on recordings', 'style_core.cli.by_kind'),
+    'synthesize': ('make new motion', 'style_core.cli.by_kind'),
+    'analyze': ('find phase, style and content of recordings', 'style_core.cli.by_kind'),
+    'fill': ('fill in missing joints of a recording', 'style_core.cli.by_kind'),
 }
 
-#: ``motion-style train KIND``
+#: ``motion-style train KIND``: kind -> (one-line summary, module path)
 TRAINERS = {
+}
+
+#: Commands that work on a model file: command -> {kind: module path}. A command without a kind is not offered.
+#: `by_kind` adds the argument MODEL (``args.model``); the kind's module adds the rest and runs. For ``info`` the
+#: module has ``describe(header, arrays)`` instead, which returns a dict to show below the header (numbers, words,
+#: lists; ``--json`` prints it as it is).
+KIND_COMMANDS = {
+    'info': {},
+    'predict': {},
+    'evaluate': {},
+    'synthesize': {},
+    'analyze': {},
+    'fill': {},
 }

@@ -1,0 +1,93 @@
+"""The command line: dispatch by name and by model kind, help, exit status."""
+import json
+import sys
+import types
+
+import numpy as np
+import pytest
+
+from style_core.cli import main, registry
+from style_core.model_file import save_model
+
+
+@pytest.fixture
+def made_kind(monkeypatch):
+    """A model kind of its own, registered as a helper of the package would."""
+    module = types.ModuleType('made_kind')
+    module.__doc__ = 'Made for a test.'
+
+    def add_arguments(parser, argv):
+        parser.add_argument('files', nargs='*', metavar='FILES')
+        parser.add_argument('--speed', type=float, default=1.0, help='how fast')
+
+    module.add_arguments = add_arguments
+    module.run = lambda args: print(vars(args).get('model'), args.files, args.speed)
+    module.describe = lambda header, arrays: {'states': len(arrays['x'])}
+    monkeypatch.setitem(sys.modules, 'made_kind', module)
+    monkeypatch.setitem(registry.TRAINERS, 'made', ('a made kind', 'made_kind'))
+    for command in ('predict', 'info'):
+        monkeypatch.setitem(registry.KIND_COMMANDS[command], 'made', 'made_kind')
+
+
+@pytest.fixture
+def model(tmp_path):
+    path = tmp_path / 'model.npz'
+    save_model(path, 'made', {'joint_names': ['a']}, {'x': np.zeros(3)})
+    return str(path)
+
+
+def test_help_lists_what_there_is(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(['--help'])
+    assert end.value.code == 0
+    assert 'info' in capsys.readouterr().out
+
+
+def test_a_trainer_is_found_by_its_kind(made_kind, capsys):
+    assert main(['train', 'made', 'x.amc', '--speed', '2']) == 0
+    assert "None ['x.amc'] 2.0" in capsys.readouterr().out
+    for words in (['train'], ['train', 'unheard'], ['train', 'made', '--speed', 'x']):
+        with pytest.raises(SystemExit) as end:
+            main(words)
+        assert end.value.code == 2
+
+
+def test_a_model_chooses_its_module(made_kind, model, capsys):
+    assert main(['predict', model, 'a.amc', '--speed', '3']) == 0
+    assert f"{model} ['a.amc'] 3.0" in capsys.readouterr().out
+
+
+def test_help_teaches_every_kind_without_a_model(made_kind, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(['predict', '--help'])
+    assert end.value.code == 0
+    text = capsys.readouterr().out
+    assert 'With a made model' in text and '--speed' in text and 'Made for a test.' in text
+
+
+def test_a_model_of_the_wrong_kind_or_none_is_one_clear_line(made_kind, model, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(registry.KIND_COMMANDS, 'predict', {'other': 'made_kind'})
+    assert main(['predict', model]) == 1
+    assert 'made model' in capsys.readouterr().err
+    assert main(['predict', str(tmp_path / 'absent.npz')]) == 1
+    assert 'does not exist' in capsys.readouterr().err
+    assert main(['predict', 'model.txt']) == 1
+    assert '.npz' in capsys.readouterr().err
+
+
+def test_info_shows_a_model(made_kind, model, capsys):
+    assert main(['info', model]) == 0
+    assert 'states: 3' in capsys.readouterr().out
+    assert main(['info', model, '--json']) == 0
+    assert json.loads(capsys.readouterr().out)['states'] == 3
+
+
+def test_info_shows_a_motion(tmp_path, capsys):
+    path = tmp_path / 'short.amc'
+    path.write_text(':DEGREES\n' + ''.join(f'{k}\nltibia {k}\n' for k in range(1, 4)))
+    assert main(['info', str(path)]) == 0
+    text = capsys.readouterr().out
+    assert 'frames: 3' in text and 'ltibia.rx' in text
+    path.write_text('nonsense')
+    assert main(['info', str(path)]) == 1
+    assert capsys.readouterr().err.count('\n') == 1
