@@ -5,11 +5,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from style_core.angles import continuous
 from style_core.errors import MotionError
 from style_core.formats import read_motion
 
-__all__ = ['BODY', 'Trial', 'mocap_folder', 'labels', 'trials', 'trial_path', 'trial']
+__all__ = ['BODY', 'Trial', 'mocap_folder', 'labels', 'trials', 'trial_path', 'trial', 'cmu8']
 
 #: the 50 body channels of a CMU recording: all joints but fingers and thumbs, which are constant or noise; no root
 BODY = ('!root.*', '!*fingers.*', '!*thumb.*')
@@ -110,6 +112,39 @@ def trial(name, rate_hz=60.0):
     row = _row(name)
     motion = continuous(read_motion(mocap_folder() / row.file, rate_hz=row.rate_hz)).replace(name=name)
     return motion if rate_hz is None or rate_hz == row.rate_hz else motion.resample(rate_hz)
+
+
+def cmu8(split, action):
+    """Sequences of the CMU 8-action prediction benchmark (see `style_core.cmu8`).
+
+    Parameters
+    ----------
+    split : {'train', 'test'}
+    action : {'walking', 'running', 'jumping'}
+
+    Returns
+    -------
+    list of (str, ndarray of shape (T, 117))
+        Name and rows of each file at 120 Hz, as the benchmark has them: the first row is a T-pose.
+
+    Raises
+    ------
+    MotionError
+        If there is no such folder or a file is damaged.
+    """
+    folder = mocap_folder() / 'cmu8' / split / action
+    if not folder.is_dir():
+        raise MotionError(f'there is no benchmark folder {split}/{action} in {folder.parents[1]}')
+    sequences = []
+    for path in sorted(folder.glob('*.txt')):
+        try:
+            rows = np.loadtxt(path, delimiter=',', ndmin=2)
+        except ValueError as error:
+            raise MotionError(f'{path}: {error}') from None
+        if rows.shape[1] != 117:
+            raise MotionError(f'{path} has {rows.shape[1]} columns, the benchmark has 117')
+        sequences.append((path.stem, rows))
+    return sequences
 
 
 def _row(name):
