@@ -1,0 +1,199 @@
+# cython: language_level=3
+"""Joint command limiter: exact position, velocity and acceleration limits against the last emitted command.
+
+Positions live on a lattice of 2^-40 rad (about 1e-12 rad), so every sum below is an integer sum. Doubles represent
+lattice points exactly: differences of emitted commands are exact as well, and the limits hold without a tolerance.
+
+With P the last command, W its last step (both in lattice units), S the largest step and A the largest change of step
+in one tick, a next step w is allowed when
+
+* ``|w| <= S``  (velocity),
+* ``|w - W| <= A``  (acceleration),
+* ``w + (w - A)+ + (w - 2A)+ + ...  <=  upper - P``, and the same downwards  (the command can still stop in time).
+
+The sum in the last line is the way travelled when braking as hard as allowed, this tick included; ``reach`` inverts it
+in closed form. The set of states (P, W) from which braking ends inside the limits is invariant: ``max(W - A, 0)`` is
+allowed whenever (P, W) lies in it, so the allowed interval is never empty. docs/safety.md has the proof.
+"""
+import numpy as np
+
+from libc.math cimport fabs, floor, isfinite, rint, sqrt
+
+from style_core.errors import UsageError
+
+__all__ = ['Limiter', 'PASS', 'CLAMP', 'REJECT', 'LATTICE']
+
+#: Bands of one joint in one tick.
+PASS, CLAMP, REJECT = 0, 1, 2
+#: Resolution of emitted positions, rad.
+LATTICE = 2.0 ** -40
+
+cdef double SCALE = 2.0 ** 40
+cdef double MAX_POSITION = 1000.0       # rad; keeps every sum of lattice units far inside 53 bits
+
+
+cdef inline long long reach(long long gap, long long change) noexcept nogil:
+    """Largest step z >= 0 after which braking by ``change`` a tick ends within ``gap`` (z itself included)."""
+    cdef long long n
+    if gap <= 0:
+        return 0
+    n = <long long>((sqrt(1.0 + 8.0 * (<double>gap / <double>change)) - 1.0) * 0.5)
+    # the estimate may be off by one; change * n * (n + 1) / 2 <= gap < change * (n + 1) * (n + 2) / 2
+    while change * ((n * (n + 1)) // 2) > gap:
+        n -= 1
+    while change * (((n + 1) * (n + 2)) // 2) <= gap:
+        n += 1
+    return (gap + change * ((n * (n + 1)) // 2)) // (n + 1)
+
+
+cdef class Limiter:
+    """Limit a stream of joint targets, one call a tick.
+
+    Parameters
+    ----------
+    lower, upper : array_like, shape (D,)
+        Position limits, rad.
+    velocity, acceleration : array_like, shape (D,)
+        Limits, rad/s and rad/s^2, of the emitted command: steps and changes of step over one tick.
+    discontinuity : array_like, shape (D,)
+        A target further than this (rad) from the last command is rejected.
+    period : float
+        Time between two calls, s.
+
+    Attributes
+    ----------
+    bands : ndarray of uint8, shape (D,)
+        PASS where the last command is the target itself, CLAMP where a limit changed it, REJECT where the target was
+        not finite or a discontinuity (the joint brakes).
+    position, velocity : ndarray, shape (D,)
+        The last command, rad and rad/s.
+
+    Raises
+    ------
+    UsageError
+        If a limit is not finite, not positive, empty, or too small for the period to resolve.
+    """
+
+    cdef readonly object bands, position, velocity, counts
+    cdef readonly double period
+    cdef long long[::1] _lower, _upper, _step, _change, _p, _w
+    cdef double[::1] _jump, _position, _velocity
+    cdef unsigned char[::1] _bands
+    cdef long long[::1] _counts
+    cdef Py_ssize_t _n
+
+    def __init__(self, lower, upper, velocity, acceleration, discontinuity, double period):
+        arrays = [np.array(value, dtype=np.float64, ndmin=1)
+                  for value in (lower, upper, velocity, acceleration, discontinuity)]
+        lower, upper, velocity, acceleration, discontinuity = arrays
+        if len({array.shape for array in arrays}) != 1 or lower.ndim != 1:
+            raise UsageError(f'limits must have one value a joint, got shapes {[a.shape for a in arrays]}')
+        if not (isfinite(period) and period > 0):
+            raise UsageError(f'period must be positive, got {period}')
+        for name, array in zip(('lower', 'upper'), (lower, upper)):
+            if not np.all(np.abs(array) <= MAX_POSITION):      # also false for NaN
+                raise UsageError(f'{name} position limits must lie within +-{MAX_POSITION:g} rad, got {array}')
+        if not np.all(lower < upper):
+            raise UsageError(f'lower limits must be below upper limits, got {lower} and {upper}')
+        for name, array in zip(('velocity', 'acceleration', 'discontinuity'), arrays[2:]):
+            if not (np.all(np.isfinite(array)) and np.all(array > 0)):
+                raise UsageError(f'{name} limits must be finite and positive, got {array}')
+        step = np.floor(np.minimum(velocity * period, MAX_POSITION) * SCALE)
+        change = np.floor(np.minimum(acceleration * period * period, MAX_POSITION) * SCALE)
+        if step.min() < 1 or change.min() < 1:
+            raise UsageError(f'velocity and acceleration limits are too small for a period of {period} s')
+        self.period = period
+        self._n = lower.shape[0]
+        self._lower = np.ceil(lower * SCALE).astype(np.int64)
+        self._upper = np.floor(upper * SCALE).astype(np.int64)
+        self._step = step.astype(np.int64)
+        self._change = change.astype(np.int64)
+        self._jump = discontinuity
+        self._p = np.zeros(self._n, np.int64)
+        self._w = np.zeros(self._n, np.int64)
+        self.position = np.full(self._n, np.nan)
+        self.velocity = np.zeros(self._n)
+        self.bands = np.zeros(self._n, np.uint8)
+        self.counts = np.zeros(3, np.int64)
+        self._position, self._velocity = self.position, self.velocity
+        self._bands, self._counts = self.bands, self.counts
+
+    def reset(self, position):
+        """Start at rest from ``position`` (shape (D,), rad), for example the measured posture.
+
+        A posture outside the limits is taken as it is: the joint may then only move inwards.
+        """
+        position = np.array(position, dtype=np.float64, ndmin=1)
+        if position.shape != (self._n,) or not np.all(np.abs(position) <= MAX_POSITION):
+            raise UsageError(f'the limiter needs {self._n} finite positions to start from, got {position}')
+        lattice = np.rint(position * SCALE)
+        self._p = lattice.astype(np.int64)
+        self._w = np.zeros(self._n, np.int64)
+        self.position[:] = lattice / SCALE
+        self.velocity[:] = 0.0
+        self.bands[:] = PASS
+
+    def step(self, double[::1] target, double[::1] target_velocity):
+        """Move one tick towards a target that itself moves at ``target_velocity``.
+
+        Parameters
+        ----------
+        target, target_velocity : ndarray of float64, shape (D,), contiguous
+            Rad and rad/s at this tick.
+
+        Returns
+        -------
+        position : ndarray, shape (D,)
+            The command; the same array every call.
+        """
+        if target.shape[0] != self._n or target_velocity.shape[0] != self._n:
+            raise UsageError(f'expected {self._n} joints, got {target.shape[0]} and {target_velocity.shape[0]}')
+        self._advance(&target[0], &target_velocity[0])
+        return self.position
+
+    def brake(self):
+        """Move one tick, every joint stopping as fast as its limits allow; returns the command as ``step`` does."""
+        self._advance(NULL, NULL)
+        return self.position
+
+    @property
+    def stopped(self):
+        """Whether every joint stands still."""
+        cdef Py_ssize_t i
+        for i in range(self._n):
+            if self._w[i] != 0:
+                return False
+        return True
+
+    cdef void _advance(self, double* target, double* rate) noexcept nogil:
+        cdef Py_ssize_t i
+        cdef long long p, w, up, down, wanted, gap, flow, r
+        cdef double moved
+        cdef unsigned char band
+        for i in range(self._n):
+            p = self._p[i]
+            w = self._w[i]
+            up = min(min(w + self._change[i], self._step[i]), reach(self._upper[i] - p, self._change[i]))
+            down = max(max(w - self._change[i], -self._step[i]), -reach(p - self._lower[i], self._change[i]))
+            r = 0
+            wanted = 0
+            band = 0
+            if target != NULL:
+                # written so that NaN and infinities fail it
+                if fabs(target[i] - self._position[i]) <= self._jump[i] and isfinite(rate[i]):
+                    r = <long long>rint(target[i] * SCALE)
+                    moved = rint(rate[i] * self.period * SCALE)
+                    flow = <long long>max(min(moved, <double>self._step[i]), -<double>self._step[i])
+                    gap = r - flow - p      # how far behind the moving target before this tick
+                    wanted = flow + reach(gap, self._change[i]) - reach(-gap, self._change[i])
+                else:
+                    band = 2
+            wanted = max(min(wanted, up), down)
+            self._p[i] = p + wanted
+            self._w[i] = wanted
+            self._position[i] = <double>(p + wanted) / SCALE
+            self._velocity[i] = <double>wanted / SCALE / self.period
+            if band == 0 and target != NULL and p + wanted != r:
+                band = 1
+            self._bands[i] = band
+            self._counts[band] += 1

@@ -1,0 +1,257 @@
+"""Playing joint trajectories that arrive while others still play: interpolation and replacement without a jump.
+
+A trajectory becomes a :class:`Track`, a piecewise polynomial. A new track takes over from the one that plays: the
+difference between both at that moment is added to the new one and decays to zero along a
+quintic. The sum is continuous in position, velocity and acceleration at every replacement, also while an earlier
+difference is still decaying. Ramping in from a measured posture is the same thing with a long decay.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+from style_core.errors import MotionError
+from style_core.live.segments import add_decay, evaluate
+
+__all__ = ['Track', 'make_track', 'Playback', 'quintic']
+
+# peak speed and peak acceleration of the quintic step from 0 to 1 in unit time
+PEAK_SPEED = 1.875
+PEAK_ACCELERATION = 10.0 / np.sqrt(3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A piecewise polynomial of D joints.
+
+    Attributes
+    ----------
+    knots : ndarray, shape (K + 1,)
+        Increasing, s on the player's clock.
+    coefficients : ndarray, shape (K, D, 6)
+        Powers 0..5 of the time since the segment's first knot.
+    start : float
+        When the track takes over, s.
+    """
+
+    knots: np.ndarray
+    coefficients: np.ndarray
+    start: float
+
+    @property
+    def end(self):
+        """When the track comes to rest, s."""
+        return self.knots[-1]
+
+    def at(self, time):
+        """Position and velocity at ``time`` (s): two arrays of shape (D,), rad and rad/s."""
+        position, velocity = np.empty((2, self.coefficients.shape[1]))
+        evaluate(self.knots, self.coefficients, time, 0, position, velocity)
+        return position, velocity
+
+    def acceleration(self, time):
+        """Acceleration at ``time`` (s), shape (D,), rad/s^2; zero outside the knots."""
+        if not self.knots[0] <= time < self.knots[-1]:
+            return np.zeros(self.coefficients.shape[1])
+        k = np.searchsorted(self.knots, time, side='right') - 1
+        return _bend(self.coefficients[k], time - self.knots[k])
+
+
+def _bend(coefficients, time):
+    return coefficients[:, 2:] @ (np.array([2.0, 6.0, 12.0, 20.0]) * time ** np.arange(4))
+
+
+def quintic(duration, p0, v0, a0, p1, v1, a1):
+    """Coefficients (..., 6) of the quintics between two states; all arguments broadcast (s, rad, rad/s, rad/s^2)."""
+    t = np.asarray(duration, dtype=np.float64)
+    c = 0.5 * a0
+    rise = p1 - p0 - (v0 + c * t) * t
+    slope = (v1 - v0 - a0 * t) * t
+    bend = (a1 - a0) * t * t
+    return np.stack(np.broadcast_arrays(
+        p0, v0, c, (10 * rise - 4 * slope + 0.5 * bend) / t**3, (-15 * rise + 7 * slope - bend) / t**4,
+        (6 * rise - 3 * slope + 0.5 * bend) / t**5), axis=-1)
+
+
+def _cubic(duration, p0, v0, p1, v1):
+    t = duration
+    zero = np.zeros_like(p0)
+    return np.stack([p0, v0, (3 * (p1 - p0) / t - 2 * v0 - v1) / t, (2 * (p0 - p1) / t + v0 + v1) / t**2, zero, zero],
+                    axis=-1)
+
+
+def _slopes(times, positions):
+    """Velocities for points that have none: no overshoot between points, zero at turning points and at the end."""
+    steps = np.diff(times)[:, None]
+    slopes = np.diff(positions, axis=0) / steps
+    velocities = np.zeros_like(positions)
+    if len(slopes) > 1:
+        before, after = slopes[:-1], slopes[1:]
+        w1, w2 = 2 * steps[1:] + steps[:-1], steps[1:] + 2 * steps[:-1]
+        same = before * after > 0
+        # weighted harmonic mean (Fritsch and Butland 1984)
+        with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
+            mean = (w1 + w2) / (w1 / before + w2 / after)
+        velocities[1:-1] = np.where(same, mean, 0.0)
+    return velocities
+
+
+def make_track(times, positions, velocities=None, accelerations=None, *, start, now, current, coast=0.1):
+    """Turn trajectory points into a track.
+
+    Parameters
+    ----------
+    times : array_like, shape (K,)
+        Strictly increasing, s on the player's clock.
+    positions : array_like, shape (K, D)
+        Rad.
+    velocities, accelerations : array_like, shape (K, D), optional
+        With velocities the segments are cubics, with accelerations as well quintics. Without velocities they are
+        cubics that do not overshoot between points.
+    start : float
+        When the track takes over; before the first point it moves there from ``current``.
+    now : float
+    current : pair of ndarray, shape (D,)
+        Position and velocity when the track takes over.
+    coast : float
+        A track that ends moving comes to rest in this time, s.
+
+    Raises
+    ------
+    MotionError
+        If a shape is wrong, a value is not finite, times do not increase, or everything lies in the past.
+    """
+    times = np.asarray(times, dtype=np.float64)
+    positions = np.asarray(positions, dtype=np.float64)
+    if positions.ndim != 2 or times.shape != positions.shape[:1] or not times.size:
+        raise MotionError(f'times {times.shape} and positions {positions.shape} do not fit together')
+    for name, array in (('velocities', velocities), ('accelerations', accelerations)):
+        if array is not None and np.shape(array) != positions.shape:
+            raise MotionError(f'{name} {np.shape(array)} do not fit positions {positions.shape}')
+    for name, array in (('times', times), ('positions', positions), ('velocities', velocities),
+                        ('accelerations', accelerations)):
+        # far beyond any joint, yet small enough that no polynomial below overflows
+        if array is not None and not np.all(np.abs(array) < 1e9):
+            raise MotionError(f'{name} contain a value that is not finite or absurdly large')
+    if np.any(np.diff(times) <= 1e-6):
+        raise MotionError('times of the points do not increase (at least 1 microsecond apart)')
+    if times[-1] <= now:
+        raise MotionError(f'the trajectory ended {now - times[-1]:.3f} s ago')
+    if velocities is None:
+        accelerations = None
+        velocities = None if len(times) == 1 else _slopes(times, positions)
+    velocities = np.zeros_like(positions) if velocities is None else np.asarray(velocities, dtype=np.float64)
+    if times[0] > start + 1e-6:
+        times = np.concatenate([[start], times])
+        positions = np.vstack([current[0], positions])
+        velocities = np.vstack([current[1], velocities])
+        if accelerations is not None:
+            accelerations = np.vstack([accelerations[:1], accelerations])
+    if len(times) > 1:
+        duration = np.diff(times)[:, None]
+        if accelerations is None:
+            coefficients = _cubic(duration, positions[:-1], velocities[:-1], positions[1:], velocities[1:])
+        else:
+            accelerations = np.asarray(accelerations, dtype=np.float64)
+            coefficients = quintic(duration, positions[:-1], velocities[:-1], accelerations[:-1],
+                                   positions[1:], velocities[1:], accelerations[1:])
+    else:
+        # one point that lies at the start itself
+        times = np.array([times[0] - 1e-3, times[0]])
+        coefficients = _cubic(np.full((1, 1), 1e-3), positions, np.zeros_like(positions), positions, velocities)
+    if np.any(velocities[-1]):
+        stop = positions[-1] + 0.5 * coast * velocities[-1]
+        rest = quintic(coast, positions[-1], velocities[-1], 0.0, stop, 0.0, 0.0)
+        times = np.append(times, times[-1] + coast)
+        coefficients = np.concatenate([coefficients, rest[None]])
+    return Track(times, np.ascontiguousarray(coefficients), float(start))
+
+
+class Playback:
+    """The reference position and velocity at each tick.
+
+    Parameters
+    ----------
+    n_joints : int
+    velocity, acceleration : array_like, shape (D,)
+        Limits of the joints; a difference between two tracks decays within them where it can.
+
+    Attributes
+    ----------
+    position, velocity : ndarray, shape (D,)
+        The reference of the last ``sample``; the same arrays every call.
+    """
+
+    def __init__(self, n_joints, velocity, acceleration):
+        self.position, self.velocity = np.zeros((2, n_joints))
+        self._limits = np.asarray(velocity, dtype=np.float64), np.asarray(acceleration, dtype=np.float64)
+        self._track = None
+        self._hint = 0
+        self._decay = None
+        self._decay_start = self._decay_end = 0.0
+
+    @property
+    def end(self):
+        """When the playing track comes to rest, s; -inf when none plays."""
+        return -np.inf if self._track is None else max(self._track.end, self._decay_end)
+
+    @property
+    def settled(self):
+        """When the last difference between tracks has decayed, s."""
+        return self._decay_end
+
+    def hold(self, position):
+        """Forget every track and stand at ``position`` (shape (D,), rad)."""
+        self._track = None
+        self._decay = None
+        self._decay_end = -np.inf
+        self.position[:] = position
+        self.velocity[:] = 0.0
+
+    def take_over(self, track, time, shortest, speed=1.0, current=None):
+        """Play ``track`` from now on, without a jump.
+
+        Parameters
+        ----------
+        track : Track
+        time : float
+            Now, s.
+        shortest : float
+            A difference takes at least this long to decay, s.
+        speed : float
+            Fraction of the velocity and acceleration limits that the decay may use.
+        current : pair of ndarray, shape (D,), optional
+            Position and velocity to start from, for example those of a braking command; this player's own reference
+            at ``time`` if not given.
+
+        Returns
+        -------
+        duration : float
+            Of the decay, s.
+        """
+        bend = -track.acceleration(time)
+        if current is None:
+            current = self.sample(time)
+            if self._track is not None:
+                bend += self._track.acceleration(time)
+                if time < self._decay_end:
+                    bend += _bend(self._decay, time - self._decay_start)
+        position, velocity = track.at(time)
+        offset, drift = current[0] - position, current[1] - velocity
+        limit_v, limit_a = (speed * limit for limit in self._limits)
+        duration = max(shortest, float(np.max(PEAK_SPEED * np.abs(offset) / limit_v)),
+                       float(np.max(np.sqrt(PEAK_ACCELERATION * np.abs(offset) / limit_a))),
+                       float(np.max(2.0 * np.abs(drift) / limit_a)))
+        self._decay = np.ascontiguousarray(quintic(duration, offset, drift, bend, 0.0, 0.0, 0.0))
+        self._decay_start, self._decay_end = time, time + duration
+        self._track, self._hint = track, 0
+        return duration
+
+    def sample(self, time):
+        """Position and velocity of the reference at ``time`` (s): the attributes of these names, rewritten."""
+        if self._track is None:
+            return self.position, self.velocity
+        self._hint = evaluate(self._track.knots, self._track.coefficients, time, self._hint,
+                              self.position, self.velocity)
+        if time < self._decay_end:
+            add_decay(self._decay, time - self._decay_start, self.position, self.velocity)
+        return self.position, self.velocity
