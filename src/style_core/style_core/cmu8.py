@@ -35,7 +35,7 @@ for _joint, _bone in {
 #: joints with no bone of their own, and the joint each of them always coincides with
 DUPLICATES = {16: 15, 20: 15, 29: 15, 24: 23, 27: 23, 33: 32, 36: 32}
 
-#: joints that never move, as the root's motion is left out
+#: joints that never move in the files: the root and the hip joints next to it, once the root's motion is left out
 STILL = (0, 1, 2, 7, 8, 13)
 
 

@@ -28,7 +28,6 @@ def test_bones_keep_their_length_and_the_root_its_place():
     np.testing.assert_array_equal(cmu8.cmu8_forward(moved), positions)
     for copy, original in cmu8.DUPLICATES.items():
         np.testing.assert_array_equal(positions[:, copy], positions[:, original])
-    assert np.ptp(positions[:, cmu8.STILL], axis=0).max() == 0
 
 
 def test_euler_angles_describe_the_same_rotation():
@@ -56,6 +55,7 @@ def test_errors_leave_out_the_root_and_what_never_moves():
 def test_holding_the_last_pose_gives_the_known_errors(mocap, action, published):
     (_, sequence), = datasets.cmu8('test', action)
     positions = cmu8.cmu8_forward(sequence)[::2]
+    assert np.ptp(positions[:, cmu8.STILL], axis=0).max() < 1e-9
     starts = np.arange(len(positions) - 75)  # windows of 50 frames seen and 25 to come
     errors = [np.linalg.norm(positions[starts + 49] - positions[starts + 49 + horizon], axis=-1).mean()
               for horizon in (2, 4, 8, 10, 14, 25)]
