@@ -1,0 +1,124 @@
+"""Build a ROS 2 Humble prefix from PyPI, for machines that cannot have Humble from apt.
+
+Run by scripts/setup.sh with CPython 3.12: ``python scripts/ros_prefix/build.py PREFIX``. A prefix that is whole and
+made by these very scripts is left alone; anything else is built beside it and takes its place when it is whole.
+"""
+import fcntl
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from ros_prefix import mend  # noqa: E402
+from ros_prefix.downloads import (  # noqa: E402
+    REQUIREMENTS, SetupError, cache_folder, clean_environment, fetch_wheels, install, say, sha256)
+
+STAMP = 'style-prefix-stamp'
+NOTICE = """\
+This machine has no /opt/ros/humble, so a ROS 2 Humble prefix is built from packages on PyPI and from Debian headers.
+  The largest, isaacsim-ros2 (133 MB), carries ROS 2 Humble compiled for Python 3.12. The ROS 2 packages in it are
+  open source under their own licences (Apache-2.0, BSD, ...); the wheel as a whole comes under its publisher's
+  licence (NVIDIA, "proprietary software"), kept beside the unpacked packages as LICENSE-of-the-wheel.txt.
+  Only the open-source ROS 2 packages are unpacked. Do not redistribute the wheel or the prefix.
+  To use an installed ROS 2 Humble instead: Ubuntu 22.04, see docs/setup.md."""
+
+
+def stamp_of(prefix):
+    """What a whole prefix was made from; differs when a script, a pin, the interpreter or the place changes."""
+    sources = sorted([*mend.HERE.rglob('*.py'), *mend.HERE.rglob('*.txt'), *mend.HERE.joinpath('templates').iterdir(),
+                      *(REQUIREMENTS / name for name in
+                        ('pip.txt', 'ros_prefix.txt', 'ros_tree.txt', 'debian_headers.txt'))])
+    return ''.join(f'{sha256(path)} {path.name}\n' for path in sources) + f'{sys.executable}\n{prefix}\n'
+
+
+def build(prefix):
+    """Build ``prefix`` beside its place, then put it there."""
+    tree = prefix.with_name(prefix.name + '.part')
+    for leftover in (tree, prefix.with_name(prefix.name + '.old')):  # of a set-up that was stopped
+        shutil.rmtree(leftover, ignore_errors=True)
+    tree.mkdir(parents=True)
+    python = tree / 'venv/bin/python3'
+
+    def step(text):
+        say(f'[{time.monotonic() - started:4.0f} s] {text}')
+
+    started = time.monotonic()
+    step('virtual environment')
+    subprocess.run([sys.executable, '-m', 'venv', tree / 'venv'], check=True, env=clean_environment())
+    install(python, 'pip', resuming=False)  # the pip that came with Python may not know how to resume
+    step('ROS 2 packages')
+    wheels = fetch_wheels(python, 'ros_tree', options=('--no-deps', '--only-binary', ':all:'))
+    tree_wheel, = wheels.glob('isaacsim_ros2-*.whl')
+    mend.unpack(tree_wheel, tree)
+    mend.use_system_openssl(tree)
+    step('Python packages')
+    install(python, 'ros_prefix')
+    step('headers and CMake configuration')
+    mend.lay_out(tree)
+    mend.add_headers(tree, sorted(wheels.glob('ros_*.whl')))
+    mend.generate_message_headers(tree, python)
+    numpy_include = subprocess.run([python, '-c', 'import numpy; print(numpy.get_include())'], check=True, text=True,
+                                   capture_output=True, env=clean_environment()).stdout.strip()
+    mend.mend_cmake(tree, prefix, numpy_include.replace(str(tree), str(prefix)))
+    mend.add_executables(tree, prefix)
+    mend.add_ros2_verbs(tree)
+    mend.add_setup_scripts(tree, prefix)
+    mend.move_scripts(tree, prefix)
+    old = prefix.with_name(prefix.name + '.old')
+    if prefix.exists():
+        prefix.rename(old)
+    tree.rename(prefix)
+    shutil.rmtree(old, ignore_errors=True)
+    step('check')
+    mend.check(prefix)
+    prefix.joinpath(STAMP).write_text(stamp_of(prefix))
+    step(f'ROS 2 Humble stands in {prefix}')
+
+
+def main(prefix):
+    """Exit status 0 when ``prefix`` is whole, 1 with one clear line when it cannot be."""
+    prefix = Path(prefix).absolute()
+    stamp = prefix / STAMP
+    if stamp.exists() and stamp.read_text() == stamp_of(prefix):
+        return 0
+    if prefix.exists() and not stamp.exists() and any(prefix.iterdir()) and not (prefix / 'venv').exists():
+        say(f'Set-up stopped: {prefix} exists and is not a prefix made by this script', file=sys.stderr)
+        return 1
+    system = (platform.system(), platform.machine(), *platform.libc_ver())
+    if system[:3] != ('Linux', 'x86_64', 'glibc') or tuple(map(int, system[3].split('.'))) < (2, 35):
+        say(f'Set-up stopped: the packages need Linux on x86_64 with glibc 2.35 or newer; this is {" ".join(system)}. '
+            'Install ROS 2 Humble on Ubuntu 22.04 instead (docs/setup.md).', file=sys.stderr)
+        return 1
+    prefix.parent.mkdir(parents=True, exist_ok=True)
+    with open(prefix.with_name(prefix.name + '.lock'), 'w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # a second set-up waits for the first, then finds its prefix
+        if stamp.exists() and stamp.read_text() == stamp_of(prefix):
+            return 0
+        say(NOTICE)
+        say(f'Downloads are kept in {cache_folder()}')
+        free = shutil.disk_usage(prefix.parent).free
+        if free < 1.5e9:
+            say(f'Set-up stopped: {prefix.parent} has {free / 1e6:.0f} MB free, 1500 MB are needed', file=sys.stderr)
+            return 1
+        try:
+            build(prefix)
+        except SetupError as error:
+            say(f'Set-up stopped: {error}', file=sys.stderr)
+            return 1
+        except subprocess.CalledProcessError as error:
+            say(f'Set-up stopped: {error}', file=sys.stderr)
+            return 1
+        except KeyboardInterrupt:
+            say('Set-up stopped; the next one goes on with what is downloaded.', file=sys.stderr)
+            return 130
+    return 0
+
+
+if __name__ == '__main__':
+    os.umask(0o022)
+    sys.exit(main(*sys.argv[1:]))

@@ -1,0 +1,6 @@
+#!@PYTHON@
+import sys
+
+from @MODULE@ import main
+
+sys.exit(main())
