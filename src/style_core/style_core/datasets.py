@@ -1,7 +1,7 @@
 """The real recordings that tests, experiments and benchmarks use where they are present."""
 import csv
 import os
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,8 +10,9 @@ import numpy as np
 from style_core.angles import continuous
 from style_core.errors import MotionError
 from style_core.formats import read_motion
+from style_core.skeleton import read_skeleton
 
-__all__ = ['BODY', 'Trial', 'mocap_folder', 'labels', 'trials', 'trial_path', 'trial', 'cmu8']
+__all__ = ['BODY', 'Trial', 'mocap_folder', 'labels', 'trials', 'trial_path', 'trial', 'skeleton', 'cmu8']
 
 #: the 50 body channels of a CMU recording: all joints but fingers and thumbs, which are constant or noise; no root
 BODY = ('!root.*', '!*fingers.*', '!*thumb.*')
@@ -112,6 +113,22 @@ def trial(name, rate_hz=60.0):
     row = _row(name)
     motion = continuous(read_motion(mocap_folder() / row.file, rate_hz=row.rate_hz)).replace(name=name)
     return motion if rate_hz is None or rate_hz == row.rate_hz else motion.resample(rate_hz)
+
+
+@cache
+def skeleton(name):
+    """Skeleton of a trial or subject (``'08_01'`` or ``'08'``).
+
+    Raises
+    ------
+    MotionError
+        If the subject has no skeleton file (13: rebuilt recordings).
+    """
+    subject = name.split('_')[0]
+    path = mocap_folder() / 'cmu' / subject / f'{subject}.asf'
+    if not path.is_file():
+        raise MotionError(f'there is no skeleton file for subject {subject!r}')
+    return read_skeleton(path)
 
 
 def cmu8(split, action):

@@ -65,6 +65,7 @@ def mirror_rule(joint_names, skeleton=None):
     """
     known = set(joint_names) if skeleton is None else set(joint_names) | set(skeleton.channel_names)
     column = {name: index for index, name in enumerate(joint_names)}
+    signs_of = None if skeleton is None else _geometric_signs(skeleton)
     sources, signs = [], []
     for name in joint_names:
         partner = partner_name(name, known)
@@ -72,7 +73,11 @@ def mirror_rule(joint_names, skeleton=None):
             raise MotionError(f'cannot mirror: {name} needs its partner {partner}, which is not there')
         sources.append(column[partner])
         if skeleton is not None:
-            signs.append(skeleton.mirror_sign(name))
+            if name not in signs_of:
+                raise MotionError(f'cannot mirror: skeleton {skeleton.name!r} has no channel {name}')
+            if not signs_of[name]:
+                raise MotionError(f'cannot mirror: the axes of {name} and {partner} are not mirror images')
+            signs.append(signs_of[name])
             continue
         axis = name.rpartition('.')[2]
         if axis not in _AXIS_SIGNS:
@@ -81,3 +86,37 @@ def mirror_rule(joint_names, skeleton=None):
             raise MotionError(f'cannot mirror: {name} looks like one side of a pair whose other side is not there')
         signs.append(_AXIS_SIGNS[axis])
     return np.array(sources), np.array(signs)
+
+
+def _geometric_signs(skeleton):
+    """Channel -> +1 or -1, or 0 where its axis and its partner's are not mirror images in the rest pose.
+
+    Reflection S = I - 2 n n^T turns a rotation by theta about a into one by -theta about S a, and a translation
+    along d into one along S d.
+    """
+    positions, _ = skeleton.rest()
+    place = dict(zip(skeleton.body_names, positions))
+    normal = np.zeros(3)
+    for name, position in place.items():
+        partner = partner_name(name, place)
+        if partner in place and name < partner:
+            apart = position - place[partner]
+            normal += apart if normal @ apart >= 0 else -apart
+    if np.linalg.norm(normal) == 0:
+        raise MotionError(f'cannot mirror: skeleton {skeleton.name!r} has no pair of left and right bodies')
+    across = int(np.argmax(np.abs(normal)))
+    if np.abs(normal[across]) < 0.95 * np.linalg.norm(normal):
+        raise MotionError(f'cannot mirror: left and right of skeleton {skeleton.name!r} do not face each other along '
+                          f'one of its axes')
+    reflection = np.ones(3)
+    reflection[across] = -1
+    axes = skeleton.rest_axes()
+    signs = {}
+    for name, (kind, axis) in axes.items():
+        partner = partner_name(name, axes)
+        if partner in axes and axes[partner][0] == kind:
+            alike = axes[partner][1] @ (axis * reflection) * (1 if kind == 't' else -1)
+            signs[name] = float(np.sign(alike)) if abs(alike) > 0.99 else 0.0
+        else:
+            signs[name] = 0.0
+    return signs

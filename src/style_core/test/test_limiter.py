@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from style_core.errors import UsageError
 from style_core.live.limiter import CLAMP, LATTICE, PASS, REJECT, Limiter
 

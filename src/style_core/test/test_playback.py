@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BPoly, CubicHermiteSpline, PchipInterpolator
+
 from style_core.errors import MotionError
 from style_core.live.playback import Playback, make_track
 

@@ -1,0 +1,230 @@
+"""Skeleton trees from ASF, BVH and URDF files, and forward kinematics over all frames at once."""
+import importlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Mapping, Tuple
+
+import numpy as np
+
+from style_core.angles import rotation_from_expmap
+from style_core.errors import MotionError
+from style_core.motion import Motion
+
+__all__ = ['Channel', 'Body', 'Skeleton', 'read_skeleton', 'euler_matrix']
+
+_READERS = {'.asf': 'style_core.formats.asf', '.bvh': 'style_core.formats.bvh', '.urdf': 'style_core.formats.urdf'}
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One degree of freedom of a body.
+
+    Attributes
+    ----------
+    name : str
+        Channel of the motion that moves it.
+    kind : {'r', 't'}
+        Rotation about, or translation along, ``axis``.
+    axis : tuple of three float
+        Unit vector in the body's frame.
+    low, high : float
+        Limits, rad or m; infinite where there are none.
+    scale, offset : float
+        The body moves by ``scale * value + offset`` (URDF mimic joints).
+    """
+
+    name: str
+    kind: str
+    axis: Tuple[float, float, float]
+    low: float = -np.inf
+    high: float = np.inf
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A link of the tree.
+
+    Its pose is ``parent pose * translation(offset) * before * channels * after * translation(tip)``: a BVH or URDF body
+    sits at its joint (``tip`` zero), an ASF bone at its far end (``offset`` zero).
+    """
+
+    name: str
+    parent: int
+    offset: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    before: np.ndarray = field(default_factory=lambda: np.eye(3))
+    channels: Tuple[Channel, ...] = ()
+    after: np.ndarray = field(default_factory=lambda: np.eye(3))
+    tip: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """A tree of bodies.
+
+    Attributes
+    ----------
+    name : str
+    bodies : tuple of Body
+        Every parent before its children.
+    channel_names : tuple of str
+        In the order of the file.
+    length_m : float
+        One length unit of the file in metres.
+    up : {'y', 'z'}
+        Which axis points up.
+    orders : mapping of str to str
+        Order of rotation of each joint with three angles, as `style_core.angles.continuous` takes it.
+    """
+
+    name: str
+    bodies: Tuple[Body, ...]
+    channel_names: Tuple[str, ...]
+    length_m: float = 1.0
+    up: str = 'y'
+    orders: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def body_names(self):
+        """Names of the B bodies, in the order of `forward`."""
+        return tuple(body.name for body in self.bodies)
+
+    @property
+    def parents(self):
+        """Index of each body's parent, -1 for a root; shape (B,)."""
+        return np.array([body.parent for body in self.bodies])
+
+    @property
+    def dofs(self):
+        """Joint -> its degrees of freedom (``('rx', 'rz')``), for channels named ``joint.rx``."""
+        dofs = {}
+        for name in self.channel_names:
+            joint, _, dof = name.rpartition('.')
+            dofs[joint] = dofs.get(joint, ()) + (dof,)
+        return dofs
+
+    def limits(self, joint_names):
+        """Limits of channels.
+
+        Returns
+        -------
+        low, high : ndarray, shape (D,)
+            Rad or m; infinite where the file gives none.
+        """
+        self._check(joint_names)
+        low, high = dict.fromkeys(self.channel_names, -np.inf), dict.fromkeys(self.channel_names, np.inf)
+        for channel in (channel for body in self.bodies for channel in body.channels):
+            low[channel.name] = max(low[channel.name], channel.low)
+            high[channel.name] = min(high[channel.name], channel.high)
+        return np.array([low[name] for name in joint_names]), np.array([high[name] for name in joint_names])
+
+    def forward(self, motion):
+        """Positions of all bodies.
+
+        Parameters
+        ----------
+        motion : Motion
+            Channels of this skeleton; one that is absent stays at zero, so a recording without its root stands at
+            the origin.
+
+        Returns
+        -------
+        ndarray, shape (T, B, 3)
+            Metres; NaN where a missing angle leaves the position open.
+
+        Raises
+        ------
+        MotionError
+            If the motion has a channel that the skeleton lacks.
+        """
+        return self.poses(motion)[0]
+
+    def poses(self, motion):
+        """Positions, shape (T, B, 3), and rotation matrices, shape (T, B, 3, 3); see `forward`."""
+        self._check(motion.joint_names)
+        column = {name: index for index, name in enumerate(motion.joint_names)}
+        count = motion.n_frames
+        positions = np.empty((count, len(self.bodies), 3))
+        rotations = np.empty((count, len(self.bodies), 3, 3))
+        for index, body in enumerate(self.bodies):
+            # a body that does not move yet has one frame only, which broadcasts
+            if body.parent < 0:
+                turn, place = body.before[None], body.offset[None]
+            else:
+                turn = rotations[:, body.parent]
+                place = positions[:, body.parent] + turn @ body.offset
+                turn = turn @ body.before
+            for channel in body.channels:
+                if channel.name in column:
+                    values = motion.positions[:, column[channel.name]] * channel.scale + channel.offset
+                elif channel.offset:
+                    values = np.array([channel.offset])
+                else:
+                    continue
+                axis = np.array(channel.axis)
+                if channel.kind == 't':
+                    place = place + (turn @ axis) * values[:, None]
+                else:
+                    turn = turn @ rotation_from_expmap(values[:, None] * axis)
+            turn = turn @ body.after
+            positions[:, index] = place + turn @ body.tip
+            rotations[:, index] = turn
+        return positions, rotations
+
+    def rest(self):
+        """Positions, shape (B, 3), and rotations, shape (B, 3, 3), with all channels at zero."""
+        positions, rotations = self.poses(Motion(self.channel_names[:1], [[0.0]], [0.0]))
+        return positions[0], rotations[0]
+
+    def rest_axes(self):
+        """Channel -> (kind, direction, shape (3,)) in the world, with all channels at zero."""
+        _, rotations = self.rest()
+        axes = {}
+        for index, body in enumerate(self.bodies):
+            # at rest all channels of a body share the frame before them
+            frame = rotations[index] @ body.after.T
+            for channel in body.channels:
+                axes.setdefault(channel.name, (channel.kind, frame @ np.array(channel.axis) * np.sign(channel.scale)))
+        return axes
+
+    def _check(self, joint_names):
+        unknown = [name for name in joint_names if name not in set(self.channel_names)]
+        if unknown:
+            raise MotionError(f'skeleton {self.name!r} has no channel {", ".join(unknown[:5])}; it has '
+                              f'{", ".join(self.channel_names[:8])}{" ..." if len(self.channel_names) > 8 else ""}')
+
+
+def read_skeleton(path):
+    """Read a skeleton from an ``.asf``, ``.bvh`` or ``.urdf`` file.
+
+    Raises
+    ------
+    MotionError
+        If the file is absent, damaged or of another format.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in _READERS:
+        raise MotionError(f'{path}: skeletons are read from {", ".join(_READERS)} files, not {suffix!r}')
+    return importlib.import_module(_READERS[suffix]).read_skeleton(path)
+
+
+def euler_matrix(angles, order):
+    """Rotation matrix of turns about fixed axes, the first letter of ``order`` first.
+
+    Parameters
+    ----------
+    angles : sequence of float
+        Rad, one for each letter.
+    order : str
+        E.g. ``'XYZ'``: the product is Rz Ry Rx.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+    """
+    matrix = np.eye(3)
+    for angle, letter in zip(angles, order.upper()):
+        matrix = rotation_from_expmap(angle * np.eye(3)['XYZ'.index(letter)]) @ matrix
+    return matrix
