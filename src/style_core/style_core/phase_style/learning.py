@@ -1,0 +1,299 @@
+"""Learning a phase-style model: alignment, bases by SVD, one Gaussian process a basis (Matsubara et al. 2012)."""
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from style_core.alignment import cycle_shift, fit_cycle, harmonic_design, period, refine_phase
+from style_core.errors import MotionError
+from style_core.phase_style.gaussian_process import fit_process
+from style_core.phase_style.model import Behaviour
+
+__all__ = ['Sequence', 'Aligned', 'align_rhythmic', 'align_discrete', 'factorise', 'choose_dimension', 'learn',
+           'group_of']
+
+HARMONICS = 6
+SAMPLES = 100
+#: Channels that hardly move still get this variance, rad^2, so that no channel is trusted without bound.
+NOISE_FLOOR = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence:
+    """An equidistant training sequence: ``y`` (T, D) rad without gaps, at ``rate_hz``."""
+
+    name: str
+    group: str
+    y: np.ndarray
+    rate_hz: float
+
+
+@dataclass(frozen=True, eq=False)
+class Aligned:
+    """Sequences with a common phase.
+
+    Attributes
+    ----------
+    phases : list of ndarray, shape (T_s,)
+        Unwrapped phase of every frame.
+    cycles : ndarray, shape (S, C, D)
+        Each sequence's motion at the grid phases (eq. 5).
+    grid : ndarray, shape (C,)
+    acceleration : float
+        Estimated density of the phase acceleration.
+    """
+
+    phases: list
+    cycles: np.ndarray
+    grid: np.ndarray
+    acceleration: float
+
+
+def group_of(name):
+    """Person behind a sequence: the part of its file name before the first ``_`` or ``-`` (``35_01`` -> ``35``)."""
+    return re.split(r'[_-]', name, maxsplit=1)[0]
+
+
+def _correlation_length(residual):
+    """Frames over which a residual repeats itself: 1 + 2 sum of positive auto-correlations, pooled over channels."""
+    residual = residual - residual.mean(axis=0)
+    power = np.sum(residual ** 2)
+    if power == 0:
+        return 1.0
+    total = 1.0
+    for lag in range(1, len(residual) // 2):
+        correlation = np.sum(residual[:-lag] * residual[lag:]) / power
+        if correlation <= 0:
+            break
+        total += 2 * correlation
+    return total
+
+
+def _acceleration(phases, spreads, dts):
+    """Density of phase acceleration from smoothed phases and their posterior spread (one EM step)."""
+    total = sum(np.sum(np.diff(phase, 2) ** 2 + spread) / (2 / 3 * dt ** 3)
+                for phase, spread, dt in zip(phases, spreads, dts))
+    return total / sum(len(spread) for spread in spreads)
+
+
+def align_rhythmic(sequences, rounds=6):
+    """Common phase of rhythmic sequences (eq. 5), to a fraction of a frame, using all their cycles.
+
+    Periods by auto-correlation give a first linear phase; cycle and phase of each sequence are then refined in
+    turn; shifts against the sequence of the shortest period (then against the mean cycle) by
+    cross-correlation.
+
+    Parameters
+    ----------
+    sequences : list of Sequence
+    rounds : int
+        Alternations of cycle and phase.
+
+    Returns
+    -------
+    Aligned
+    """
+    grid = np.arange(SAMPLES) * 2 * np.pi / SAMPLES
+    design = harmonic_design(grid, HARMONICS)[0]
+    dts = [1 / sequence.rate_hz for sequence in sequences]
+    periods = []
+    for sequence in sequences:
+        try:
+            periods.append(period(sequence.y, sequence.rate_hz))
+        except MotionError as error:
+            raise MotionError(f'{sequence.name}: {error}') from None
+    phases = [2 * np.pi * np.arange(len(sequence.y)) / (sequence.rate_hz * length)
+              for sequence, length in zip(sequences, periods)]
+    acceleration = 1.0
+    for _ in range(rounds):
+        refined, spreads = [], []
+        for sequence, phase, dt in zip(sequences, phases, dts):
+            cycle = fit_cycle(sequence.y, phase, HARMONICS)
+            values, _ = harmonic_design(phase, HARMONICS)
+            residual = sequence.y - values @ cycle
+            noise = np.maximum(np.mean(residual ** 2, axis=0), NOISE_FLOOR) * _correlation_length(residual)
+
+            def evaluate(at, cycle=cycle):
+                value, slope = harmonic_design(at, HARMONICS)
+                return value @ cycle, slope @ cycle
+
+            phase, spread = refine_phase(sequence.y, phase, evaluate, noise, acceleration, dt)
+            refined.append(phase)
+            spreads.append(spread)
+        phases = refined
+        acceleration = _acceleration(phases, spreads, dts)
+    cycles = [design @ fit_cycle(sequence.y, phase, HARMONICS) for sequence, phase in zip(sequences, phases)]
+    reference = cycles[int(np.argmin(periods))]
+    for _ in range(4):
+        for index, (sequence, phase) in enumerate(zip(sequences, phases)):
+            phases[index] = phase - cycle_shift(reference, cycles[index])
+            cycles[index] = design @ fit_cycle(sequence.y, phases[index], HARMONICS)
+        reference = np.mean(cycles, axis=0)
+    return Aligned(phases, np.array(cycles), grid, acceleration)
+
+
+def active_span(sequence, share=0.1):
+    """First and last frame (exclusive) of the movement: where joint speed exceeds ``share`` of its peak."""
+    if len(sequence.y) < 4:
+        raise MotionError(f'{sequence.name}: {len(sequence.y)} frames are too few for a discrete motion')
+    speed = np.sqrt(np.sum(np.diff(sequence.y, axis=0) ** 2, axis=1))
+    if speed.max() <= 1e-9:
+        raise MotionError(f'{sequence.name}: nothing moves in this recording')
+    moving = np.flatnonzero(speed > share * speed.max())
+    return int(moving[0]), int(moving[-1]) + 2
+
+
+def align_discrete(sequences, rounds=6):
+    """Common phase of discrete sequences, 0 at the start and 1 at the goal (eq. 5 with shift 0).
+
+    Starts from the linear phase of the active span, then refines each phase against the mean motion.
+
+    Parameters
+    ----------
+    sequences : list of Sequence
+        Only their active spans are used.
+    rounds : int
+
+    Returns
+    -------
+    Aligned
+    """
+    grid = np.linspace(0, 1, SAMPLES)
+    dts = [1 / sequence.rate_hz for sequence in sequences]
+    phases = [np.linspace(0, 1, len(sequence.y)) for sequence in sequences]
+    acceleration = float(np.mean([1 / (len(sequence.y) * dt) ** 3 for sequence, dt in zip(sequences, dts)]))
+    cycles = np.array([_on_grid(sequence.y, phase, grid) for sequence, phase in zip(sequences, phases)])
+    for _ in range(rounds if len(sequences) > 1 else 0):
+        spline = CubicSpline(grid, cycles.mean(axis=0))
+        refined, spreads = [], []
+        for sequence, phase, dt in zip(sequences, phases, dts):
+            shift = np.mean(sequence.y - spline(phase), axis=0)
+            residual = sequence.y - shift - spline(phase)
+            noise = np.maximum(np.mean(residual ** 2, axis=0), NOISE_FLOOR) * _correlation_length(residual)
+
+            def evaluate(at, shift=shift, spline=spline):
+                return spline(at) + shift, spline(at, 1)
+
+            phase, spread = refine_phase(sequence.y, phase, evaluate, noise, acceleration, dt,
+                                         lower=0.0, upper=1.0)
+            phase = np.maximum.accumulate(phase)
+            start, goal = phase[0], phase[-1]
+            refined.append((phase - start) / max(goal - start, 1e-9))  # start to goal, by definition
+            spreads.append(spread)
+        phases = refined
+        acceleration = _acceleration(phases, spreads, dts)
+        cycles = np.array([_on_grid(sequence.y, phase, grid) for sequence, phase in zip(sequences, phases)])
+    return Aligned(phases, cycles, grid, acceleration)
+
+
+def _on_grid(y, phase, grid):
+    phase = phase + np.arange(len(phase)) * 1e-9  # strictly increasing, for interpolation
+    return np.stack([np.interp(grid, phase, channel) for channel in y.T], axis=1)
+
+
+def choose_dimension(singular_values, share=0.95, largest=8):
+    """J from the singular values: the fewest styles that hold ``share`` of the variation after the first.
+
+    The first singular value is the mean motion; the energy of the others is the variation between styles.
+    """
+    energy = np.asarray(singular_values[1:]) ** 2
+    if energy.sum() <= 0:
+        return 1
+    needed = 2 + int(np.searchsorted(np.cumsum(energy) / energy.sum(), share))
+    return min(needed, largest, len(singular_values))
+
+
+def factorise(cycles, dimension=None):
+    """Observation bases and styles by singular value decomposition (eq. 6).
+
+    Parameters
+    ----------
+    cycles : ndarray, shape (S, C, D)
+    dimension : int, optional
+        J <= S; chosen from the singular values when absent.
+
+    Returns
+    -------
+    styles : ndarray, shape (S, J)
+        First J columns of U; a sign is chosen so that each column's sum is not negative.
+    bases : ndarray, shape (J, C, D)
+        First J rows of S V^T: ``cycles[s] ~ sum_j styles[s, j] bases[j]``.
+    singular_values : ndarray, shape (S,)
+
+    Raises
+    ------
+    MotionError
+        If J is larger than the number of sequences.
+    """
+    count = len(cycles)
+    u, values, v = np.linalg.svd(cycles.reshape(count, -1), full_matrices=False)
+    if dimension is None:
+        dimension = choose_dimension(values)
+    if not 1 <= dimension <= count:
+        raise MotionError(f'style dimension {dimension} needs at least as many training sequences, got {count}')
+    sign = np.where(u.sum(axis=0) < 0, -1.0, 1.0)
+    styles = (u * sign)[:, :dimension]
+    bases = ((values * sign)[:, None] * v)[:dimension].reshape((dimension,) + cycles.shape[1:])
+    return styles, bases, values
+
+
+def style_of(y, phase, processes):
+    """Least-squares style of a sequence with known phase, (J,), and the pose it gives, (T, D)."""
+    basis = np.stack([process.evaluate(phase)[0] for process in processes])
+    style, *_ = np.linalg.lstsq(basis.reshape(len(basis), -1).T, y.reshape(-1), rcond=None)
+    return style, np.tensordot(style, basis, axes=1)
+
+
+def align(sequences, rhythmic):
+    """Align sequences and return them with their `Aligned` phases (discrete ones cut to their active span)."""
+    if rhythmic:
+        return list(sequences), align_rhythmic(sequences)
+    cut = []
+    for sequence in sequences:
+        start, stop = active_span(sequence)
+        cut.append(Sequence(sequence.name, sequence.group, sequence.y[start:stop], sequence.rate_hz))
+    return cut, align_discrete(cut)
+
+
+def bases_from(sequences, aligned, name, rhythmic, joint_names, dimension=None):
+    """Bases, processes, noise and velocity statistics of aligned sequences, as a `Behaviour` without residual."""
+    styles, bases, values = factorise(aligned.cycles, dimension)
+    processes = [fit_process(aligned.grid, basis, rhythmic) for basis in bases]
+    residuals, velocities, within = [], [], []
+    for sequence, phase in zip(sequences, aligned.phases):
+        residuals.append(sequence.y - style_of(sequence.y, phase, processes)[1])
+        speed = np.diff(phase) * sequence.rate_hz
+        velocities.append((phase[-1] - phase[0]) * sequence.rate_hz / (len(phase) - 1))
+        within.append(np.var(speed))
+    noise = np.maximum(np.mean(np.concatenate(residuals) ** 2, axis=0), NOISE_FLOOR)
+    velocities = np.array(velocities)
+    spread = np.sqrt(np.var(velocities) + np.mean(within) + (0.05 * velocities.mean()) ** 2)
+    velocity = np.array([velocities.mean(), spread, 0.4 * velocities.min(), 1.6 * velocities.max()])
+    return Behaviour(
+        name=name, rhythmic=rhythmic, joint_names=tuple(joint_names), rate_hz=sequences[0].rate_hz,
+        sequences=tuple(sequence.name for sequence in sequences),
+        groups=tuple(sequence.group for sequence in sequences), styles=styles, singular_values=values,
+        phase_grid=aligned.grid, bases=np.stack([process.outputs for process in processes]),
+        beta=np.stack([process.beta for process in processes]), noise=noise,
+        acceleration=float(aligned.acceleration), velocity=velocity)
+
+
+def learn(sequences, joint_names, name='motion', rhythmic=True, dimension=None):
+    """Learn the phase-style model of one behaviour (without the residual part of the full filter).
+
+    Parameters
+    ----------
+    sequences : list of Sequence
+    joint_names : sequence of str
+    name : str
+    rhythmic : bool
+    dimension : int, optional
+        J; chosen from the singular values when absent.
+
+    Returns
+    -------
+    Behaviour
+    """
+    sequences, aligned = align(sequences, rhythmic)
+    return bases_from(sequences, aligned, name, rhythmic, joint_names, dimension)

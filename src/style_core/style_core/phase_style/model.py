@@ -1,0 +1,208 @@
+"""The learned phase-style model of one behaviour, and the file that holds one or several of them."""
+from dataclasses import dataclass, fields
+from typing import Optional, Tuple
+
+import numpy as np
+
+from style_core import model_file
+from style_core.errors import ModelError
+from style_core.phase_style.gaussian_process import PhaseProcess
+
+__all__ = ['KIND', 'Behaviour', 'Residual', 'save_behaviours', 'load_behaviours']
+
+KIND = 'phase-style'
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """What the bases do not say about a new person, learned by leaving one group of sequences out.
+
+    Attributes
+    ----------
+    offset, fast, personal, noise : ndarray, shape (D,)
+        Variance, rad^2, of the slow offset, of the fast residual, of the personal cycle (sum over its
+        harmonics) and of white noise.
+    offset_decay, fast_decay, personal_decay, style_decay : float
+        Rates, 1/s.
+    personal_share : ndarray, shape (K,)
+        Part of the personal cycle's variance in each harmonic; sums to one, empty without a personal cycle.
+    style_scale : float
+        Factor on the covariance of the training styles.
+    calibration_horizon, calibration_scale : ndarray, shape (H,)
+        Factor on predicted standard deviations by horizon (s) that gave honest 90 % bands on left-out people.
+    """
+
+    offset: np.ndarray
+    fast: np.ndarray
+    personal: np.ndarray
+    noise: np.ndarray
+    offset_decay: float
+    fast_decay: float
+    personal_decay: float
+    style_decay: float
+    personal_share: np.ndarray
+    style_scale: float
+    calibration_horizon: np.ndarray
+    calibration_scale: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Behaviour:
+    """Phase-style model of one behaviour (Matsubara et al. 2012, section 2).
+
+    Attributes
+    ----------
+    name : str
+    rhythmic : bool
+        Phase in [0, 2 pi) rad, otherwise discrete: from 0 at the start to 1 at the goal.
+    joint_names : tuple of str
+    rate_hz : float
+        Of the training sequences.
+    sequences : tuple of str
+        Names of the training sequences.
+    groups : tuple of str
+        Group (person) of each sequence.
+    styles : ndarray, shape (S, J)
+    singular_values : ndarray, shape (S,)
+    phase_grid : ndarray, shape (C,)
+    bases : ndarray, shape (J, C, D)
+        Observation bases, rad.
+    beta : ndarray, shape (J, 3)
+        Kernel hyperparameters of each basis.
+    noise : ndarray, shape (D,)
+        Variance of the training residuals, rad^2.
+    acceleration : float
+        Density of the white phase acceleration, rad^2/s^3 (1/s^3 for discrete motion).
+    velocity : ndarray, shape (4,)
+        Phase velocity: mean, standard deviation, lowest and highest allowed.
+    residual : Residual or None
+    """
+
+    name: str
+    rhythmic: bool
+    joint_names: Tuple[str, ...]
+    rate_hz: float
+    sequences: Tuple[str, ...]
+    groups: Tuple[str, ...]
+    styles: np.ndarray
+    singular_values: np.ndarray
+    phase_grid: np.ndarray
+    bases: np.ndarray
+    beta: np.ndarray
+    noise: np.ndarray
+    acceleration: float
+    velocity: np.ndarray
+    residual: Optional[Residual] = None
+
+    @property
+    def style_dimension(self):
+        """J."""
+        return self.styles.shape[1]
+
+    def processes(self):
+        """The Gaussian process of every basis."""
+        return [PhaseProcess(self.phase_grid, basis, beta, self.rhythmic)
+                for basis, beta in zip(self.bases, self.beta)]
+
+
+def save_behaviours(path, behaviours, training=()):
+    """Write a model file of kind ``'phase-style'``.
+
+    Parameters
+    ----------
+    path : path-like
+    behaviours : sequence of Behaviour
+        All with the same joint names.
+    training : iterable of path-like
+        Recordings, for the header.
+    """
+    behaviours = list(behaviours)
+    _check_family(behaviours)
+    arrays, described = {}, []
+    for index, behaviour in enumerate(behaviours):
+        entry = {}
+        parts = [('', behaviour)]
+        if behaviour.residual is not None:
+            parts.append(('residual.', behaviour.residual))
+        for prefix, part in parts:
+            for item in fields(part):
+                value = getattr(part, item.name)
+                if isinstance(value, np.ndarray):
+                    arrays[f'{index}.{prefix}{item.name}'] = value
+                elif item.name not in ('residual', 'joint_names'):
+                    entry[prefix + item.name] = list(value) if isinstance(value, tuple) else value
+        described.append(entry)
+    header = {'joint_names': list(behaviours[0].joint_names), 'units': ['rad'] * len(behaviours[0].joint_names),
+              'rate_hz': behaviours[0].rate_hz, 'behaviours': described,
+              'training': model_file.training_files(training)}
+    model_file.save_model(path, KIND, header, arrays)
+
+
+def load_behaviours(path):
+    """Read the behaviours of a model file.
+
+    Returns
+    -------
+    list of Behaviour
+
+    Raises
+    ------
+    ModelError
+        If the file is not a readable model of this kind, or its parts do not fit each other.
+    """
+    header, arrays = model_file.load_model(path, KIND)
+    try:
+        behaviours = [_restore(entry, index, header, arrays) for index, entry in enumerate(header['behaviours'])]
+        for behaviour in behaviours:
+            _check_shapes(behaviour)
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        raise ModelError(f'{path} is an incomplete phase-style model: {error}') from None
+    _check_family(behaviours)
+    return behaviours
+
+
+def _restore(entry, index, header, arrays):
+    def part(kind, prefix, **given):
+        values = {}
+        for item in fields(kind):
+            key = f'{index}.{prefix}{item.name}'
+            if item.name in given:
+                values[item.name] = given[item.name]
+            elif key in arrays:
+                values[item.name] = arrays[key]
+            else:
+                value = entry[prefix + item.name]
+                values[item.name] = tuple(value) if isinstance(value, list) else value
+        return kind(**values)
+
+    residual = part(Residual, 'residual.') if 'residual.offset_decay' in entry else None
+    return part(Behaviour, '', joint_names=tuple(header['joint_names']), residual=residual)
+
+
+def _check_shapes(behaviour):
+    sequences, channels = len(behaviour.sequences), len(behaviour.joint_names)
+    styles, samples = behaviour.style_dimension, len(behaviour.phase_grid)
+    wanted = {'styles': (sequences, styles), 'bases': (styles, samples, channels), 'beta': (styles, 3),
+              'noise': (channels,), 'velocity': (4,)}
+    for name, shape in wanted.items():
+        array = getattr(behaviour, name)
+        if array.shape != shape:
+            raise ValueError(f'{name} has shape {array.shape}, expected {shape}')
+        if not np.all(np.isfinite(array)):
+            raise ValueError(f'{name} is not finite')
+    if behaviour.residual is not None:
+        for name in ('offset', 'fast', 'personal', 'noise'):
+            array = getattr(behaviour.residual, name)
+            if array.shape != (channels,) or not np.all(np.isfinite(array)):
+                raise ValueError(f'residual {name} does not fit {channels} joints')
+
+
+def _check_family(behaviours):
+    if not behaviours:
+        raise ModelError('a phase-style model needs at least one behaviour')
+    names = [behaviour.name for behaviour in behaviours]
+    if len(set(names)) != len(names):
+        raise ModelError(f'behaviours must have different names, got {", ".join(names)}')
+    for behaviour in behaviours[1:]:
+        if behaviour.joint_names != behaviours[0].joint_names:
+            raise ModelError(f'behaviours {names[0]!r} and {behaviour.name!r} have different joints')
