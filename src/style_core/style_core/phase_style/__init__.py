@@ -1,0 +1,41 @@
+"""Phase and style: learning the model of Matsubara et al. (2012), predicting with it and with the full filter."""
+from style_core.errors import UsageError
+from style_core.phase_style.learning import Sequence, group_of, learn
+from style_core.phase_style.model import KIND, Behaviour, Residual, load_behaviours, save_behaviours
+from style_core.phase_style.paper import PaperPredictor
+
+__all__ = ['KIND', 'METHODS', 'Behaviour', 'Residual', 'Sequence', 'PaperPredictor', 'group_of', 'learn',
+           'load_behaviours', 'load_predictor', 'make_predictor', 'save_behaviours']
+
+METHODS = ('full', 'paper')
+
+
+def make_predictor(behaviours, method='full', **options):
+    """Make an on-line predictor.
+
+    Parameters
+    ----------
+    behaviours : list of Behaviour
+    method : {'full', 'paper'}
+        The full filter over all behaviours, or the published method with the first behaviour.
+    **options
+        Settings of the method (see `PaperPredictor`).
+
+    Returns
+    -------
+    OnlinePredictor
+    """
+    if method not in METHODS:
+        raise UsageError(f'method must be one of {", ".join(METHODS)}, got {method!r}')
+    return PaperPredictor(behaviours[0], **options)
+
+
+def load_predictor(path, method='full', **options):
+    """Read a model file and make an on-line predictor of it (see `make_predictor`).
+
+    Raises
+    ------
+    ModelError
+        If the file is not a readable phase-style model.
+    """
+    return make_predictor(load_behaviours(path), method, **options)

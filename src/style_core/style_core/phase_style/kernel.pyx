@@ -10,7 +10,65 @@ Arrays run over channels in their last axis, so that the inner loops are element
 """
 import numpy as np
 
-from libc.math cimport INFINITY, NAN, cos, exp, fabs, floor, isnan, log, sin, sqrt
+from libc.math cimport NAN, cos, exp, floor, log, sin, sqrt
+
+cdef extern from *:
+    """
+    /* Element-wise loops, compiled for AVX2 too where the compiler can choose at run time; without fused
+       multiply-add both give the same bits. */
+    #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && defined(__gnu_linux__)
+    #define STYLE_CLONES __attribute__((target_clones("avx2", "default")))
+    #else
+    #define STYLE_CLONES
+    #endif
+    STYLE_CLONES static void hermite4(double a, const double *restrict p, double b, const double *restrict q,
+                                      double c, const double *restrict r, double d, const double *restrict s,
+                                      double *restrict out, int n)
+    { for (int k = 0; k < n; k++) out[k] = (a * p[k] + b * q[k]) + (c * r[k] + d * s[k]); }
+    STYLE_CLONES static void hermite4_add(double a, const double *restrict p, double b, const double *restrict q,
+                                          double c, const double *restrict r, double d, const double *restrict s,
+                                          double *restrict out, int n)
+    { for (int k = 0; k < n; k++) out[k] += (a * p[k] + b * q[k]) + (c * r[k] + d * s[k]); }
+    STYLE_CLONES static void axpy(double a, const double *restrict x, double *restrict y, int n)
+    { for (int k = 0; k < n; k++) y[k] += a * x[k]; }
+    STYLE_CLONES static void axpy2(double a, const double *restrict x, double b, const double *restrict z,
+                                   double *restrict y, int n)
+    { for (int k = 0; k < n; k++) y[k] += a * x[k] + b * z[k]; }
+    STYLE_CLONES static void scale(double a, const double *restrict x, double *restrict y, int n)
+    { for (int k = 0; k < n; k++) y[k] = a * x[k]; }
+    STYLE_CLONES static void product_add(double a, const double *restrict x, const double *restrict z,
+                                         double *restrict y, int n)
+    { for (int k = 0; k < n; k++) y[k] += a * x[k] * z[k]; }
+    STYLE_CLONES static void product_subtract(const double *restrict x, const double *restrict z,
+                                              double *restrict y, int n)
+    { for (int k = 0; k < n; k++) y[k] -= x[k] * z[k]; }
+    STYLE_CLONES static void product(const double *restrict x, const double *restrict z, double *restrict y, int n)
+    { for (int k = 0; k < n; k++) y[k] = x[k] * z[k]; }
+    STYLE_CLONES static void square_add(const double *restrict x, double *restrict y, int n)
+    { for (int k = 0; k < n; k++) y[k] += x[k] * x[k]; }
+    STYLE_CLONES static double dot(const double *restrict x, const double *restrict y, int n)
+    {
+        double s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+        int k = 0;
+        for (; k + 3 < n; k += 4) {
+            s0 += x[k] * y[k]; s1 += x[k + 1] * y[k + 1]; s2 += x[k + 2] * y[k + 2]; s3 += x[k + 3] * y[k + 3];
+        }
+        for (; k < n; k++) s0 += x[k] * y[k];
+        return (s0 + s1) + (s2 + s3);
+    }
+    """
+    void hermite4(double, const double*, double, const double*, double, const double*, double, const double*,
+                  double*, int) noexcept nogil
+    void hermite4_add(double, const double*, double, const double*, double, const double*, double, const double*,
+                      double*, int) noexcept nogil
+    void axpy(double, const double*, double*, int) noexcept nogil
+    void axpy2(double, const double*, double, const double*, double*, int) noexcept nogil
+    void scale(double, const double*, double*, int) noexcept nogil
+    void product_add(double, const double*, const double*, double*, int) noexcept nogil
+    void product_subtract(const double*, const double*, double*, int) noexcept nogil
+    void product(const double*, const double*, double*, int) noexcept nogil
+    void square_add(const double*, double*, int) noexcept nogil
+    double dot(const double*, const double*, int) noexcept nogil
 
 cdef double TWO_PI = 6.283185307179586
 cdef double LOG_TWO_PI = 1.8378770664093453
@@ -102,7 +160,7 @@ cdef class Table:
 
     cdef void look_up(self, double phase, double* value, double* slope) noexcept nogil:
         """Bases (J, D) and, unless NULL, their derivatives by phase (J, D)."""
-        cdef int node, k, size = self.count * self.channels
+        cdef int node, size = self.count * self.channels
         cdef double u, rate, a, b, c, d
         cdef const double *v0
         cdef const double *v1
@@ -117,15 +175,13 @@ cdef class Table:
         b = u * (1 - u) * (1 - u)
         c = u * u * (3 - 2 * u)
         d = u * u * (u - 1)
-        for k in range(size):
-            value[k] = a * v0[k] + b * s0[k] + c * v1[k] + d * s1[k]
+        hermite4(a, v0, b, s0, c, v1, d, s1, value, size)
         if slope != NULL:
             a = 6 * u * (u - 1) * rate
             b = (1 - u) * (1 - 3 * u) * rate
             c = -a
             d = u * (3 * u - 2) * rate
-            for k in range(size):
-                slope[k] = a * v0[k] + b * s0[k] + c * v1[k] + d * s1[k]
+            hermite4(a, v0, b, s0, c, v1, d, s1, slope, size)
 
     cdef void weighted_slope(self, double phase, const double* weight, double* slope) noexcept nogil:
         """``sum_j weight_j`` times the derivative of basis j, (D,)."""
@@ -147,8 +203,7 @@ cdef class Table:
             b = (1 - u) * (1 - 3 * u) * rate * weight[j]
             c = -a
             d = u * (3 * u - 2) * rate * weight[j]
-            for k in range(n):
-                slope[k] += a * v0[k] + b * s0[k] + c * v1[k] + d * s1[k]
+            hermite4_add(a, v0, b, s0, c, v1, d, s1, slope, n)
 
     cdef double variance(self, double phase, const double* weight) noexcept nogil:
         """Eq. (13): ``sum_j weight_j^2 variance_j``, linear between nodes."""
@@ -191,8 +246,8 @@ cdef class PaperFilter:
     cdef int count, channels
     cdef const double[::1] noise
     cdef double[::1] w, moment
-    cdef double[:, ::1] normal, noisy, value, slope, work, spread
-    cdef double[::1] mean, tangent, variance
+    cdef double[:, ::1] normal, noisy, value, work, spread
+    cdef double[::1] mean, tangent, variance, seen, clean, scratch
 
     def __init__(self, Table table, noise, double acceleration, style, double forgetting, double step):
         self.table = table
@@ -207,7 +262,9 @@ cdef class PaperFilter:
         self.work = np.zeros((self.count, self.count))
         self.spread = np.zeros((self.count, self.count))
         self.value = np.zeros((self.count, self.channels))
-        self.slope = np.zeros((self.count, self.channels))
+        self.seen = np.zeros(self.channels)
+        self.clean = np.zeros(self.channels)
+        self.scratch = np.zeros(self.count)
         self.mean = np.zeros(self.channels)
         self.tangent = np.zeros(self.channels)
         self.variance = np.zeros(self.channels)
@@ -232,8 +289,7 @@ cdef class PaperFilter:
         """Covariance of the weighted least-squares style, shape (J, J); infinite before the first update."""
         if self.learning_rate == 0:
             return np.full((self.count, self.count), np.inf)
-        inverse = np.linalg.pinv(np.asarray(self.normal))
-        return inverse @ np.asarray(self.noisy) @ inverse * self.share
+        return 0.5 * (np.asarray(self.spread) + np.asarray(self.spread).T)
 
     def update(self, const double[::1] y, const unsigned char[::1] observed, double dt):
         """E-step (A.1)-(A.6) with the rows of missing channels left out, then on-line M-step (A.10)-(A.13).
@@ -247,7 +303,7 @@ cdef class PaperFilter:
         """
         cdef int d, i, j, seen = 0, J = self.count, n = self.channels
         cdef double q = self.acceleration, information = 0, score = 0, squares = 0, logs = 0
-        cdef double error, inverse, extra, gain, k0, k1, eta, total
+        cdef double error, inverse, extra, gain, k0, k1, eta
         with nogil:
             self.phase += dt * self.velocity
             self.p00 += dt * (2 * self.p01 + dt * self.p11) + q * dt * dt * dt / 3
@@ -260,9 +316,10 @@ cdef class PaperFilter:
             for d in range(n):
                 self.mean[d] = 0
             for j in range(J):
-                for d in range(n):
-                    self.mean[d] += self.w[j] * self.value[j, d]
+                axpy(self.w[j], &self.value[j, 0], &self.mean[0], n)
             for d in range(n):
+                self.seen[d] = 1 if observed[d] else 0
+                self.clean[d] = y[d] if observed[d] else 0
                 if not observed[d]:
                     continue
                 seen += 1
@@ -292,22 +349,13 @@ cdef class PaperFilter:
                 self.learning_rate = eta
                 self.share = (1 - eta) * (1 - eta) * self.share + eta * eta
                 for i in range(J):
-                    total = 0
-                    for d in range(n):
-                        if observed[d]:
-                            total += self.value[i, d] * y[d]
-                    self.moment[i] += eta * (total - self.moment[i])
+                    product(&self.value[i, 0], &self.seen[0], &self.mean[0], n)
+                    self.moment[i] += eta * (dot(&self.mean[0], &self.clean[0], n) - self.moment[i])
+                    product(&self.mean[0], &self.noise[0], &self.tangent[0], n)
                     for j in range(i + 1):
-                        total = 0
-                        error = 0
-                        for d in range(n):
-                            if observed[d]:
-                                inverse = self.value[i, d] * self.value[j, d]
-                                total += inverse
-                                error += inverse * self.noise[d]
-                        self.normal[i, j] += eta * (total - self.normal[i, j])
+                        self.normal[i, j] += eta * (dot(&self.mean[0], &self.value[j, 0], n) - self.normal[i, j])
                         self.normal[j, i] = self.normal[i, j]
-                        self.noisy[i, j] += eta * (error - self.noisy[i, j])
+                        self.noisy[i, j] += eta * (dot(&self.tangent[0], &self.value[j, 0], n) - self.noisy[i, j])
                         self.noisy[j, i] = self.noisy[i, j]
                 self._solve_style()
 
@@ -333,10 +381,19 @@ cdef class PaperFilter:
         if cholesky(&self.work[0, 0], J):
             return
         for i in range(J):
-            self.spread[0, i] = self.moment[i] + ridge * self.w[i]
-        cholesky_solve(&self.work[0, 0], &self.spread[0, 0], J)
+            self.scratch[i] = self.moment[i] + ridge * self.w[i]
+        cholesky_solve(&self.work[0, 0], &self.scratch[0], J)
         for i in range(J):
-            self.w[i] = self.spread[0, i]
+            self.w[i] = self.scratch[i]
+        # covariance of the weighted least squares: N^-1 (sum of weighted B R B^T) N^-1
+        for i in range(J):
+            for j in range(J):
+                self.scratch[j] = self.noisy[i, j]
+            cholesky_solve(&self.work[0, 0], &self.scratch[0], J)
+            for j in range(J):
+                self.spread[j, i] = self.scratch[j] * self.share
+        for i in range(J):
+            cholesky_solve(&self.work[0, 0], &self.spread[i, 0], J)
 
     def predict(self, const double[::1] horizons, double[:, ::1] mean, double[:, ::1] std,
                 double[:, ::1] velocity):
@@ -351,9 +408,6 @@ cdef class PaperFilter:
         """
         cdef int h, d, i, j, J = self.count, n = self.channels
         cdef double ahead, phase, speed, extra, phase_variance
-        cdef double[:, ::1] factor = np.zeros((J, J))
-        covariance = self.style_covariance if self.learning_rate else np.zeros((J, J))
-        factor = np.ascontiguousarray(covariance)
         with nogil:
             for h in range(horizons.shape[0]):
                 ahead = horizons[h]
@@ -373,12 +427,10 @@ cdef class PaperFilter:
                     self.variance[d] = self.noise[d] + extra + phase_variance * self.tangent[d] * self.tangent[d]
                     velocity[h, d] = speed * self.tangent[d]
                 for i in range(J):
-                    for d in range(n):
-                        mean[h, d] += self.w[i] * self.value[i, d]
+                    axpy(self.w[i], &self.value[i, 0], &mean[h, 0], n)
+                    scale(self.spread[i, i], &self.value[i, 0], &self.clean[0], n)
                     for j in range(i):
-                        for d in range(n):
-                            self.variance[d] += 2 * factor[i, j] * self.value[i, d] * self.value[j, d]
-                    for d in range(n):
-                        self.variance[d] += factor[i, i] * self.value[i, d] * self.value[i, d]
+                        axpy(self.spread[i, j] + self.spread[j, i], &self.value[j, 0], &self.clean[0], n)
+                    product_add(1.0, &self.clean[0], &self.value[i, 0], &self.variance[0], n)
                 for d in range(n):
                     std[h, d] = sqrt(self.variance[d]) if self.variance[d] > 0 else 0

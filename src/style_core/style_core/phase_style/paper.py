@@ -1,0 +1,122 @@
+"""The published method as an on-line predictor, and its off-line batch EM (Matsubara et al. 2012, section 3)."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from style_core.phase_style.kernel import PaperFilter, Table
+from style_core.phase_style.online import GAP_S, InnovationMonitor, ObservationGate
+from style_core.phase_style.table import tabulate
+from style_core.predictor import Estimate, Prediction, Status
+
+__all__ = ['PaperPredictor', 'BatchResult', 'batch_em']
+
+#: The search at the start: so many phases, and speeds as multiples of the training mean's spread.
+SEARCH_PHASES = 16
+SEARCH_SPEEDS = (-1.0, 1.0)
+#: The hypothesis with the highest likelihood is kept after this long and at least so many updates.
+SEARCH_S = 0.1
+SEARCH_UPDATES = 4
+
+
+def _filters(behaviour, table, forgetting, step):
+    """One filter a hypothesis: phases by speeds (discrete motion: the first half of the motion, one speed)."""
+    style = behaviour.styles.mean(axis=0)
+    mean, spread = behaviour.velocity[:2]
+    if behaviour.rhythmic:
+        phases = np.arange(SEARCH_PHASES) * 2 * np.pi / SEARCH_PHASES
+        speeds = mean + spread * np.array(SEARCH_SPEEDS)
+        width = np.pi / SEARCH_PHASES
+    else:
+        phases, speeds, width = np.arange(SEARCH_PHASES) / (2 * SEARCH_PHASES), [mean], 1 / (2 * SEARCH_PHASES)
+    filters = []
+    for phase in phases:
+        for speed in speeds:
+            one = PaperFilter(table, behaviour.noise, behaviour.acceleration, style, forgetting, step)
+            one.start(phase, speed, width ** 2 / 3, spread ** 2)
+            filters.append(one)
+    return filters
+
+
+class PaperPredictor:
+    """EKF over phase and phase velocity, on-line EM for the style.
+
+    Fulfils `style_core.predictor.OnlinePredictor`. The filter does not assume where the motion starts: for the
+    first tenth of a second one filter for each of 32 hypotheses runs, and the most likely one goes on.
+
+    Parameters
+    ----------
+    behaviour : Behaviour
+    forgetting : float
+        lambda of the on-line EM for one frame at the model's rate; other time steps forget accordingly.
+    """
+
+    def __init__(self, behaviour, forgetting=0.8):
+        if not 0 < forgetting <= 1:
+            raise ValueError(f'forgetting must lie in (0, 1], got {forgetting}')
+        self.joint_names = behaviour.joint_names
+        self._behaviour = behaviour
+        self._forgetting = forgetting
+        self._table = Table(tabulate(behaviour.processes(), behaviour.rhythmic))
+        self._gate = ObservationGate(len(self.joint_names))
+        self._monitor = InnovationMonitor()
+        self.reset()
+
+    def reset(self):
+        """Forget everything observed; the next update starts a search."""
+        self._gate.reset()
+        self._search()
+
+    def _search(self):
+        self._monitor.reset()
+        self._hypotheses = _filters(self._behaviour, self._table, self._forgetting, 1 / self._behaviour.rate_hz)
+        self._scores = np.zeros(len(self._hypotheses))
+        self._searched_s, self._searched = 0.0, 0
+        self._filter = self._hypotheses[0]
+
+    def update(self, time, y, mask=None):
+        """Take one observation (see `style_core.predictor.OnlinePredictor.update`)."""
+        gate = self._gate
+        dt = gate.take(time, y, mask)
+        if dt > GAP_S:
+            self._search()
+            dt = 0.0
+        if self._hypotheses is not None:
+            self._update_search(dt)
+            status = Status.ACQUIRING
+        else:
+            self._filter.update(gate.y, gate.observed, dt)
+            status = Status.TRACKING
+        current = self._filter
+        lost = self._monitor.add(current.innovation, dt)
+        if lost and status is Status.TRACKING:
+            status = Status.LOST
+        now = self.predict(np.zeros(1))
+        return Estimate(
+            time=gate.time, phase=current.phase, phase_velocity=current.velocity,
+            phase_covariance=current.covariance, style=current.style, style_covariance=current.style_covariance,
+            mean=now.mean[0], std=now.std[0], observed=gate.observed.astype(bool),
+            innovation=current.innovation, log_likelihood=current.log_likelihood, status=status,
+            behaviours={self._behaviour.name: 1.0})
+
+    def _update_search(self, dt):
+        gate = self._gate
+        for index, one in enumerate(self._hypotheses):
+            one.update(gate.y, gate.observed, dt)
+            self._scores[index] += one.log_likelihood
+        self._filter = self._hypotheses[int(np.argmax(self._scores))]
+        if gate.observed.any():
+            self._searched += 1
+            self._searched_s += dt
+        if self._searched >= SEARCH_UPDATES and self._searched_s >= SEARCH_S:
+            self._hypotheses = None
+
+    def predict(self, horizons):
+        """Predict at ``horizons`` (shape (H,), s after the last update, >= 0)."""
+        horizons = np.ascontiguousarray(horizons, dtype=float)
+        if horizons.ndim != 1 or not np.all(horizons >= 0):
+            raise ValueError('horizons must be a one-dimensional array of times >= 0')
+        shape = (len(horizons), len(self.joint_names))
+        mean, std, velocity = np.empty(shape), np.empty(shape), np.empty(shape)
+        self._filter.predict(horizons, mean, std, velocity)
+        start = 0.0 if self._gate.time is None else self._gate.time
+        return Prediction(start + horizons, mean, std, velocity)
