@@ -1,6 +1,6 @@
 """Period and phase of rhythmic motion: auto-correlation, cross-correlation, sub-frame refinement."""
 import numpy as np
-from scipy.linalg import cholesky_banded, cho_solve_banded
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from style_core.errors import MotionError
 
@@ -159,8 +159,8 @@ def refine_phase(y, phase, evaluate, noise, acceleration, dt, iterations=3, lowe
     Returns
     -------
     phase : ndarray, shape (T,)
-    spread : ndarray, shape (T - 2,)
-        Posterior variance of every second difference, for estimating ``acceleration``.
+    evidence : float
+        Logarithm of the evidence for ``acceleration`` by Laplace's approximation, up to a constant.
     """
     count = len(phase)
     variance = 2 / 3 * acceleration * dt ** 3
@@ -185,12 +185,7 @@ def refine_phase(y, phase, evaluate, noise, acceleration, dt, iterations=3, lowe
         phase = phase + np.clip(cho_solve_banded((factor, True), gradient), -0.5, 0.5)
         if lower is not None:
             phase = np.clip(phase, lower, upper)
-    spread = np.empty(count - 2)
-    for start in range(0, count - 2, 256):
-        columns = np.arange(start, min(start + 256, count - 2))
-        unit = np.zeros((count, len(columns)))
-        local = np.arange(len(columns))
-        unit[columns, local], unit[columns + 1, local], unit[columns + 2, local] = 1.0, -2.0, 1.0
-        solved = cho_solve_banded((factor, True), unit)
-        spread[columns] = solved[columns, local] - 2 * solved[columns + 1, local] + solved[columns + 2, local]
-    return phase, spread
+    value, slope = evaluate(phase)
+    evidence = -0.5 * np.sum((y - value) ** 2 / noise) - 0.5 * np.sum(np.diff(phase, 2) ** 2) / variance \
+        - 0.5 * (count - 2) * np.log(variance) - np.sum(np.log(factor[0]))
+    return phase, float(evidence)

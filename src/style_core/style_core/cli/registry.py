@@ -16,6 +16,8 @@ COMMANDS = {
 
 #: ``motion-style train KIND``: kind -> (one-line summary, module path)
 TRAINERS = {
+    'phase-style': ('phase and style over Gaussian-process bases, for the on-line predictor',
+                    'style_core.cli.train_phase_style'),
 }
 
 #: Commands that work on a model file: command -> {kind: module path}. A command without a kind is not offered.

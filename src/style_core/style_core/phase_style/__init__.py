@@ -7,17 +7,17 @@ from style_core.phase_style.paper import PaperPredictor
 __all__ = ['KIND', 'METHODS', 'Behaviour', 'Residual', 'Sequence', 'PaperPredictor', 'group_of', 'learn',
            'load_behaviours', 'load_predictor', 'make_predictor', 'save_behaviours']
 
-METHODS = ('full', 'paper')
+METHODS = ('paper',)
 
 
-def make_predictor(behaviours, method='full', **options):
+def make_predictor(behaviours, method='paper', **options):
     """Make an on-line predictor.
 
     Parameters
     ----------
     behaviours : list of Behaviour
-    method : {'full', 'paper'}
-        The full filter over all behaviours, or the published method with the first behaviour.
+    method : {'paper'}
+        The published method with the first behaviour.
     **options
         Settings of the method (see `PaperPredictor`).
 
@@ -30,7 +30,7 @@ def make_predictor(behaviours, method='full', **options):
     return PaperPredictor(behaviours[0], **options)
 
 
-def load_predictor(path, method='full', **options):
+def load_predictor(path, method='paper', **options):
     """Read a model file and make an on-line predictor of it (see `make_predictor`).
 
     Raises

@@ -373,7 +373,7 @@ cdef class PaperFilter:
         cdef double ridge = 0
         for i in range(J):
             ridge += self.normal[i, i]
-        ridge *= 1e-9
+        ridge *= 1e-13
         for i in range(J):
             for j in range(J):
                 self.work[i, j] = self.normal[i, j]

@@ -70,11 +70,42 @@ def _correlation_length(residual):
     return total
 
 
-def _acceleration(phases, spreads, dts):
-    """Density of phase acceleration from smoothed phases and their posterior spread (one EM step)."""
-    total = sum(np.sum(np.diff(phase, 2) ** 2 + spread) / (2 / 3 * dt ** 3)
-                for phase, spread, dt in zip(phases, spreads, dts))
-    return total / sum(len(spread) for spread in spreads)
+def _refine(sequences, phases, fits, acceleration, **bounds):
+    """One round of refining all phases; the density of the phase acceleration moves to its best multiple.
+
+    Parameters
+    ----------
+    fits : list of (callable, ndarray)
+        Each sequence's cycle, as `refine_phase` takes it, and the variance of the residual.
+
+    Returns
+    -------
+    phases : list of ndarray
+    acceleration : float
+    """
+    best = None
+    for factor in (0.25, 0.5, 1.0, 2.0, 4.0):
+        refined, total = [], 0.0
+        for sequence, phase, (evaluate, noise) in zip(sequences, phases, fits):
+            phase, evidence = refine_phase(sequence.y, phase, evaluate, noise, acceleration * factor,
+                                           1 / sequence.rate_hz, **bounds)
+            refined.append(phase)
+            total += evidence
+        if best is None or total > best[0]:
+            best = total, refined, acceleration * factor
+    return best[1:]
+
+
+def _noise(residual):
+    """Variance of a residual, enlarged for its correlation in time: what independent frames would tell."""
+    return np.maximum(np.mean(residual ** 2, axis=0), NOISE_FLOOR) * _correlation_length(residual)
+
+
+def _period_of(sequence):
+    try:
+        return period(sequence.y, sequence.rate_hz)
+    except MotionError as error:
+        raise MotionError(f'{sequence.name}: {error}') from None
 
 
 def align_rhythmic(sequences, rounds=6):
@@ -96,33 +127,21 @@ def align_rhythmic(sequences, rounds=6):
     """
     grid = np.arange(SAMPLES) * 2 * np.pi / SAMPLES
     design = harmonic_design(grid, HARMONICS)[0]
-    dts = [1 / sequence.rate_hz for sequence in sequences]
-    periods = []
-    for sequence in sequences:
-        try:
-            periods.append(period(sequence.y, sequence.rate_hz))
-        except MotionError as error:
-            raise MotionError(f'{sequence.name}: {error}') from None
+    periods = [_period_of(sequence) for sequence in sequences]
     phases = [2 * np.pi * np.arange(len(sequence.y)) / (sequence.rate_hz * length)
               for sequence, length in zip(sequences, periods)]
     acceleration = 1.0
     for _ in range(rounds):
-        refined, spreads = [], []
-        for sequence, phase, dt in zip(sequences, phases, dts):
+        fits = []
+        for sequence, phase in zip(sequences, phases):
             cycle = fit_cycle(sequence.y, phase, HARMONICS)
-            values, _ = harmonic_design(phase, HARMONICS)
-            residual = sequence.y - values @ cycle
-            noise = np.maximum(np.mean(residual ** 2, axis=0), NOISE_FLOOR) * _correlation_length(residual)
 
             def evaluate(at, cycle=cycle):
                 value, slope = harmonic_design(at, HARMONICS)
                 return value @ cycle, slope @ cycle
 
-            phase, spread = refine_phase(sequence.y, phase, evaluate, noise, acceleration, dt)
-            refined.append(phase)
-            spreads.append(spread)
-        phases = refined
-        acceleration = _acceleration(phases, spreads, dts)
+            fits.append((evaluate, _noise(sequence.y - evaluate(phase)[0])))
+        phases, acceleration = _refine(sequences, phases, fits, acceleration)
     cycles = [design @ fit_cycle(sequence.y, phase, HARMONICS) for sequence, phase in zip(sequences, phases)]
     reference = cycles[int(np.argmin(periods))]
     for _ in range(4):
@@ -160,31 +179,29 @@ def align_discrete(sequences, rounds=6):
     Aligned
     """
     grid = np.linspace(0, 1, SAMPLES)
-    dts = [1 / sequence.rate_hz for sequence in sequences]
     phases = [np.linspace(0, 1, len(sequence.y)) for sequence in sequences]
-    acceleration = float(np.mean([1 / (len(sequence.y) * dt) ** 3 for sequence, dt in zip(sequences, dts)]))
+    acceleration = float(np.mean([(sequence.rate_hz / len(sequence.y)) ** 3 for sequence in sequences]))
     cycles = np.array([_on_grid(sequence.y, phase, grid) for sequence, phase in zip(sequences, phases)])
     for _ in range(rounds if len(sequences) > 1 else 0):
         spline = CubicSpline(grid, cycles.mean(axis=0))
-        refined, spreads = [], []
-        for sequence, phase, dt in zip(sequences, phases, dts):
+        fits = []
+        for sequence, phase in zip(sequences, phases):
             shift = np.mean(sequence.y - spline(phase), axis=0)
-            residual = sequence.y - shift - spline(phase)
-            noise = np.maximum(np.mean(residual ** 2, axis=0), NOISE_FLOOR) * _correlation_length(residual)
 
             def evaluate(at, shift=shift, spline=spline):
                 return spline(at) + shift, spline(at, 1)
 
-            phase, spread = refine_phase(sequence.y, phase, evaluate, noise, acceleration, dt,
-                                         lower=0.0, upper=1.0)
-            phase = np.maximum.accumulate(phase)
-            start, goal = phase[0], phase[-1]
-            refined.append((phase - start) / max(goal - start, 1e-9))  # start to goal, by definition
-            spreads.append(spread)
-        phases = refined
-        acceleration = _acceleration(phases, spreads, dts)
+            fits.append((evaluate, _noise(sequence.y - evaluate(phase)[0])))
+        phases, acceleration = _refine(sequences, phases, fits, acceleration, lower=0.0, upper=1.0)
+        phases = [_start_to_goal(phase) for phase in phases]
         cycles = np.array([_on_grid(sequence.y, phase, grid) for sequence, phase in zip(sequences, phases)])
     return Aligned(phases, cycles, grid, acceleration)
+
+
+def _start_to_goal(phase):
+    """Never back, 0 at the first frame, 1 at the last."""
+    phase = np.maximum.accumulate(phase)
+    return (phase - phase[0]) / max(phase[-1] - phase[0], 1e-9)
 
 
 def _on_grid(y, phase, grid):

@@ -39,9 +39,8 @@ class ObservationGate:
         if y.shape != (self._channels,):
             raise ValueError(f'observation must have shape ({self._channels},), got {y.shape}')
         seen = np.isfinite(y)
-        if not seen.all():
-            if np.isinf(y).any():
-                raise ValueError('observation holds an infinite value')
+        if not seen.all() and np.isinf(y).any():
+            raise ValueError('observation holds an infinite value')
         if mask is not None:
             mask = np.asarray(mask)
             if mask.shape != (self._channels,) or mask.dtype != bool:

@@ -1,6 +1,4 @@
-"""The published method as an on-line predictor, and its off-line batch EM (Matsubara et al. 2012, section 3)."""
-from dataclasses import dataclass
-
+"""The published method as an on-line predictor (Matsubara et al. 2012, section 3)."""
 import numpy as np
 
 from style_core.phase_style.kernel import PaperFilter, Table
@@ -8,7 +6,7 @@ from style_core.phase_style.online import GAP_S, InnovationMonitor, ObservationG
 from style_core.phase_style.table import tabulate
 from style_core.predictor import Estimate, Prediction, Status
 
-__all__ = ['PaperPredictor', 'BatchResult', 'batch_em']
+__all__ = ['PaperPredictor']
 
 #: The search at the start: so many phases, and speeds as multiples of the training mean's spread.
 SEARCH_PHASES = 16

@@ -1,0 +1,75 @@
+"""Learn a phase-style model: bases over phase, one Gaussian process each, and styles.
+
+motion-style train phase-style walk1.amc walk2.amc run.amc -o locomotion.npz
+    one rhythmic behaviour; every recording is a style of it
+motion-style train phase-style jump*.amc --discrete -o jump.npz
+    one discrete behaviour, from start to goal
+motion-style train phase-style --behaviour walk w*.amc --behaviour run r*.amc --discrete-behaviour jump j*.amc -o m.npz
+    several behaviours; the predictor weighs them against each other
+
+Recordings may be of any known format, with their own rates. A recording is one style; recordings of one person
+should share the part of the file name before the first "_" or "-" (35_01, 35_02), because the uncertainty about a
+new person is learned by leaving one person out after the other.
+"""
+from pathlib import Path
+
+from tqdm import tqdm
+
+from style_core.angles import continuous
+from style_core.errors import UsageError
+from style_core.formats import read_motion
+from style_core.phase_style import save_behaviours
+from style_core.phase_style.training import RATE_HZ, common_joints, train
+
+__all__ = ['add_arguments', 'run']
+
+
+def add_arguments(parser, argv):
+    """FILES or groups of them, and the model's settings."""
+    parser.add_argument('files', nargs='*', metavar='FILE', help='recordings of one behaviour')
+    parser.add_argument('-o', '--output', required=True, metavar='MODEL.npz', help='model file to write')
+    parser.add_argument('--name', default='motion', help='name of the behaviour (default: motion)')
+    parser.add_argument('--discrete', action='store_true', help='the behaviour has a start and a goal (a jump)')
+    parser.add_argument('--behaviour', nargs='+', action='append', default=[], metavar=('NAME', 'FILE'),
+                        help='a rhythmic behaviour and its recordings; may be given several times')
+    parser.add_argument('--discrete-behaviour', nargs='+', action='append', default=[], metavar=('NAME', 'FILE'),
+                        help='a discrete behaviour and its recordings; may be given several times')
+    parser.add_argument('--joints', nargs='+', metavar='PATTERN',
+                        help="joints to learn, as shell patterns; '!PATTERN' excludes (default: all angles that the "
+                             'recordings share but root, fingers and thumbs)')
+    parser.add_argument('--styles', type=int, metavar='J',
+                        help='dimension of the style (default: chosen from the singular values)')
+    parser.add_argument('--rate', type=float, default=RATE_HZ, metavar='HZ',
+                        help=f'rate to learn at (default: {RATE_HZ:g}; the predictor takes any rate)')
+    parser.add_argument('--recorded-rate', type=float, metavar='HZ',
+                        help='rate of the recordings where their format does not say it (AMC; default: 120)')
+
+
+def run(args):
+    """Train and save."""
+    groups = [(name_and_files, True) for name_and_files in args.behaviour] \
+        + [(name_and_files, False) for name_and_files in args.discrete_behaviour]
+    if args.files:
+        groups.insert(0, ([args.name, *args.files], not args.discrete))
+    if not groups:
+        raise UsageError('give recordings to learn from')
+    for (name, *files), _ in groups:
+        if not files:
+            raise UsageError(f'behaviour {name!r} has no recordings')
+    if args.styles is not None and args.styles < 1:
+        raise UsageError('--styles must be at least 1')
+    paths = sorted({file for (_, *files), _ in groups for file in files})
+    options = {} if args.recorded_rate is None else {'rate_hz': args.recorded_rate}
+    motions = {}
+    for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
+        given = options if path.lower().endswith('.amc') else {}
+        motions[path] = continuous(read_motion(path, **given)).replace(name=Path(path).stem)
+    joints = common_joints(list(motions.values()), args.joints)
+    behaviours = [
+        train([motions[file] for file in files], name, rhythmic, joints, args.styles, args.rate)
+        for (name, *files), rhythmic in tqdm(groups, desc='learning', unit='behaviour', disable=None, leave=False)]
+    save_behaviours(args.output, behaviours, paths)
+    for behaviour in behaviours:
+        print(f'{behaviour.name}: {len(behaviour.sequences)} recordings, {len(set(behaviour.groups))} people, '
+              f'{len(behaviour.joint_names)} joints, {behaviour.style_dimension} styles')
+    print(f'wrote {args.output}')
