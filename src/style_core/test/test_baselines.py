@@ -2,7 +2,13 @@
 import numpy as np
 import pytest
 
-from style_core.baselines import ConstantVelocity, LinearLeastSquares, NearestHistories, RadialBasisNetwork, ZeroVelocity
+from style_core.baselines import (
+    ConstantVelocity,
+    LinearLeastSquares,
+    NearestHistories,
+    RadialBasisNetwork,
+    ZeroVelocity,
+)
 from style_core.errors import MotionError
 from style_core.evaluation import error_deg2, paper_horizons, roll_out
 from style_core.motion import Motion

@@ -1,0 +1,104 @@
+"""Computed effort: how strong, sudden and free a motion is, measured from its kinematics.
+
+The quantities are those of the computational Laban literature (reviewed by Larboulette and Gibet, "A review of
+computable expressive descriptors of human motion", MOCO 2015; Hachimura, Takashina and Yoshimura, "Analysis and
+evaluation of dancing movement based on LMA", RO-MAN 2005): Weight from the peak kinetic energy, Time from the mean
+acceleration, Flow from the mean jerk. They are descriptors, not a movement analyst's judgement, and are called
+computed wherever they appear.
+"""
+import numpy as np
+from scipy.signal import savgol_filter
+
+from style_core.errors import MotionError
+
+__all__ = ['EFFORTS', 'raw_descriptors', 'EffortScale', 'effort_scale']
+
+#: order of the effort factors everywhere
+EFFORTS = ('flow', 'weight', 'time')
+
+#: labels spend 1.5 units a standard deviation: +-3 is two standard deviations
+_UNITS_A_DEVIATION = 1.5
+#: the derivative filter spans this long, s; shorter ones measure marker noise
+_WINDOW_S = 0.15
+
+
+def raw_descriptors(joints, rate_hz, scale=None):
+    """Logarithms of jerk, kinetic energy and acceleration.
+
+    Parameters
+    ----------
+    joints : ndarray, shape (T, D)
+        Poses in a `PoseSpace`, rad.
+    rate_hz : float
+    scale : ndarray, shape (D,), optional
+        How far a joint moves the body, m/rad; 1 where not given.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        In the order of `EFFORTS`: log of the mean jerk, of the peak kinetic energy, of the mean acceleration, for
+        unit masses.
+
+    Raises
+    ------
+    MotionError
+        If there are fewer than 7 frames or nothing moves.
+    """
+    frames = len(joints)
+    window = max(7, 2 * round(0.5 * _WINDOW_S * rate_hz) + 1)
+    if frames < window:
+        raise MotionError(f'effort needs at least {window} frames at {rate_hz:g} Hz, got {frames}')
+    values = joints if scale is None else joints * scale
+    velocity, acceleration, jerk = (
+        savgol_filter(values, window, 5, deriv=order, delta=1.0 / rate_hz, axis=0) for order in (1, 2, 3))
+    energy = 0.5 * np.sum(velocity**2, axis=1).max()
+    measures = np.array([np.linalg.norm(jerk, axis=1).mean(), energy, np.linalg.norm(acceleration, axis=1).mean()])
+    if not (measures > 1e-12).all():
+        raise MotionError('nothing moves here: effort is not defined for a still pose')
+    return np.log(measures)
+
+
+class EffortScale:
+    """Turns raw descriptors into labels in [-3, 3], relative to fragments of the same content.
+
+    Effort is how an action is done, not which action it is; so mean and deviation are those of the content group.
+
+    Parameters
+    ----------
+    means, deviations : ndarray, shape (G, 3)
+    """
+
+    def __init__(self, means, deviations):
+        self.means = np.asarray(means, dtype=float)
+        self.deviations = np.asarray(deviations, dtype=float)
+
+    def labels(self, raw, group):
+        """Flow (free positive), Weight (strong positive) and Time (sudden positive); shape (3,) or (N, 3)."""
+        labels = _UNITS_A_DEVIATION * (np.asarray(raw) - self.means[group]) / self.deviations[group]
+        labels = labels * np.array([-1.0, 1.0, 1.0])  # much jerk is bound, little is free
+        return np.clip(labels, -3.0, 3.0)
+
+
+def effort_scale(raw, groups):
+    """Fit an `EffortScale`.
+
+    Parameters
+    ----------
+    raw : ndarray, shape (N, 3)
+        Of the recorded fragments.
+    groups : ndarray of int, shape (N,)
+        Content group of each, 0 to G - 1.
+
+    Returns
+    -------
+    EffortScale
+        A group of fewer than three fragments takes the deviation within the other groups.
+    """
+    raw, groups = np.asarray(raw, dtype=float), np.asarray(groups)
+    count = int(groups.max()) + 1
+    means = np.array([raw[groups == g].mean(axis=0) for g in range(count)])
+    within = np.sqrt(np.mean((raw - means[groups])**2, axis=0))
+    deviations = np.array([raw[groups == g].std(axis=0) if np.sum(groups == g) >= 3 else within
+                           for g in range(count)])
+    floor = np.where(within > 1e-6, 0.1 * within, 1.0)
+    return EffortScale(means, np.maximum(deviations, floor))
