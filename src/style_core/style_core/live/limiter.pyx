@@ -56,7 +56,8 @@ cdef class Limiter:
     velocity, acceleration : array_like, shape (D,)
         Limits, rad/s and rad/s^2, of the emitted command: steps and changes of step over one tick.
     discontinuity : array_like, shape (D,)
-        A target further than this (rad) from the last command is rejected.
+        A target that, brought inside the position limits, lies further than this (rad) from the last command is
+        rejected.
     period : float
         Time between two calls, s.
 
@@ -168,7 +169,7 @@ cdef class Limiter:
     cdef void _advance(self, double* target, double* rate) noexcept nogil:
         cdef Py_ssize_t i
         cdef long long p, w, up, down, wanted, gap, flow, r
-        cdef double moved
+        cdef double moved, inside
         cdef unsigned char band
         for i in range(self._n):
             p = self._p[i]
@@ -177,11 +178,13 @@ cdef class Limiter:
             down = max(max(w - self._change[i], -self._step[i]), -reach(p - self._lower[i], self._change[i]))
             r = 0
             wanted = 0
+            inside = 0.0
             band = 0
             if target != NULL:
-                # written so that NaN and infinities fail it
-                if fabs(target[i] - self._position[i]) <= self._jump[i] and isfinite(rate[i]):
-                    r = <long long>rint(target[i] * SCALE)
+                inside = min(max(target[i], <double>self._lower[i] / SCALE), <double>self._upper[i] / SCALE)
+                # the distance is written so that NaN fails it (before the first reset)
+                if isfinite(target[i]) and isfinite(rate[i]) and fabs(inside - self._position[i]) <= self._jump[i]:
+                    r = <long long>rint(inside * SCALE)
                     moved = rint(rate[i] * self.period * SCALE)
                     flow = <long long>max(min(moved, <double>self._step[i]), -<double>self._step[i])
                     gap = r - flow - p      # how far behind the moving target before this tick
@@ -193,7 +196,7 @@ cdef class Limiter:
             self._w[i] = wanted
             self._position[i] = <double>(p + wanted) / SCALE
             self._velocity[i] = <double>wanted / SCALE / self.period
-            if band == 0 and target != NULL and p + wanted != r:
+            if band == 0 and target != NULL and (p + wanted != r or inside != target[i]):
                 band = 1
             self._bands[i] = band
             self._counts[band] += 1
