@@ -154,7 +154,7 @@ def test_bad_input_brakes_and_is_reported():
     for k in range(100):
         limiter.step(np.array([0.005 * k]), np.array([1.0]))
     assert limiter.velocity[0] > 0.5
-    for bad in (np.nan, np.inf, -np.inf, limiter.position[0] + 0.6):
+    for bad in (np.nan, np.inf, -np.inf, limiter.position[0] - 0.6):
         limiter.step(np.array([bad]), np.zeros(1))
         assert limiter.bands[0] == REJECT
     for _ in range(100):
