@@ -1,0 +1,310 @@
+"""A predictor fed with messages as they come: names in any order, parts missing, clocks of all kinds."""
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Optional, Tuple
+
+import numpy as np
+
+from style_core.errors import UsageError
+from style_core.live.frames import FrameAssembler
+from style_core.live.stamp_policy import NANOSECONDS, StampPolicy
+from style_core.live.tally import Tally
+from style_core.predictor import Estimate, Status
+
+__all__ = ['StreamSettings', 'Step', 'Outlook', 'PredictorStream', 'warm_up']
+
+#: robot angles beyond this (rad) are broken sensors, whatever the joint
+IMPLAUSIBLE_RAD = 100.0
+#: how many name lists and unknown names are remembered; more than any robot has, less than a broken publisher makes
+_REMEMBERED = 256
+
+
+@dataclass(frozen=True)
+class StreamSettings:
+    """How to treat messages; every time in s.
+
+    Attributes
+    ----------
+    joint_timeout : float
+        A joint silent for longer is timed out.
+    merge_window : float
+        Partial messages whose stamps differ by no more are one frame; 0 makes every message a frame.
+    max_stamp_age : float
+        Stamps this much older or newer than the arrival are dropped; 0 accepts any.
+    max_gap : float
+        A longer gap between stamps starts the search anew.
+    reorder_window : float
+        Stamps up to this far behind the newest are late; further behind, the clock has jumped.
+    """
+
+    joint_timeout: float = 0.1
+    merge_window: float = 0.004
+    max_stamp_age: float = 0.5
+    max_gap: float = 1.0
+    reorder_window: float = 0.1
+
+    def __post_init__(self):
+        for name in ('joint_timeout', 'merge_window', 'max_stamp_age', 'max_gap', 'reorder_window'):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise UsageError(f'{name} must be finite and not negative, not {value}')
+        if self.joint_timeout <= self.merge_window:
+            raise UsageError(f'joint_timeout ({self.joint_timeout} s) must be longer than merge_window '
+                             f'({self.merge_window} s)')
+        if self.max_gap <= self.joint_timeout:
+            raise UsageError(f'max_gap ({self.max_gap} s) must be longer than joint_timeout ({self.joint_timeout} s)')
+        if self.reorder_window >= self.max_gap:
+            raise UsageError(f'reorder_window ({self.reorder_window} s) must be shorter than max_gap '
+                             f'({self.max_gap} s)')
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One update, in robot joints.
+
+    Attributes
+    ----------
+    stamp : int
+        Of the frame, ns.
+    estimate : Estimate
+        In model channels.
+    positions : ndarray, shape (R,)
+        Robot angles: measured where observed, the filter's where masked.
+    std : ndarray, shape (R,)
+        Of the filter's pose.
+    observed : ndarray of bool, shape (R,)
+    """
+
+    stamp: int
+    estimate: Estimate
+    positions: np.ndarray
+    std: np.ndarray
+    observed: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Outlook:
+    """Future robot poses.
+
+    Attributes
+    ----------
+    stamp : int
+        Of the frame the horizons count from, ns.
+    mean, std, velocity : ndarray, shape (H, R)
+        Rad, rad, rad/s.
+    """
+
+    stamp: int
+    mean: np.ndarray
+    std: np.ndarray
+    velocity: np.ndarray
+
+
+class PredictorStream:
+    """Feed a predictor from messages and speak to it in robot joints.
+
+    Parameters
+    ----------
+    predictor : OnlinePredictor
+    joint_map : BoundMap
+        Bound to ``predictor.joint_names``.
+    settings : StreamSettings
+    """
+
+    def __init__(self, predictor, joint_map, settings):
+        self.predictor = predictor
+        self.joint_map = joint_map
+        self.tally = Tally()
+        self.unknown = {}
+        self._numbers = {name: i for i, name in enumerate(joint_map.robot_joints)}
+        self._lookups = {}
+        self._allowed = np.ones(len(joint_map.robot_joints), dtype=bool)
+        self._frames = FrameAssembler(len(self._allowed), 0, 0)
+        self._stamps = StampPolicy(0, 0, 0)
+        self._pose = np.full(len(predictor.joint_names), np.nan)
+        self.configure(settings)
+        self.reset()
+
+    @property
+    def robot_joints(self) -> Tuple[str, ...]:
+        """Robot joints in the order of every array here."""
+        return self.joint_map.robot_joints
+
+    def configure(self, settings):
+        """Use other settings from the next message on."""
+        self.settings = settings
+        self._stamps.max_age = round(settings.max_stamp_age * NANOSECONDS)
+        self._stamps.max_gap = round(settings.max_gap * NANOSECONDS)
+        self._stamps.reorder_window = round(settings.reorder_window * NANOSECONDS)
+        self._frames.merge_window = round(settings.merge_window * NANOSECONDS)
+        self._frames.timeout = round(settings.joint_timeout * NANOSECONDS)
+
+    def reset(self):
+        """Forget everything observed; the masks stay."""
+        self.predictor.reset()
+        self._stamps.reset()
+        self._frames.reset()
+        self._epoch: Optional[int] = None
+        self.last: Optional[Step] = None
+
+    def set_mask(self, names, allowed):
+        """Use (``allowed``) or ignore the sensors of the robot joints ``names``.
+
+        Raises
+        ------
+        UsageError
+            If a name is unknown; then nothing is changed.
+        """
+        strange = [name for name in names if name not in self._numbers]
+        if strange:
+            raise UsageError(f'no such joint: {", ".join(strange)}; known are {", ".join(self.robot_joints)}')
+        for name in names:
+            self._allowed[self._numbers[name]] = allowed
+
+    @property
+    def allowed(self):
+        """Which sensors may be used, ndarray of bool, shape (R,)."""
+        return self._allowed.copy()
+
+    def receive(self, names, positions, stamp, arrival):
+        """Take one message.
+
+        Parameters
+        ----------
+        names : sequence of str
+        positions : sequence of float
+            Robot angles, rad; NaN where a sensor has nothing.
+        stamp, arrival : int
+            Ns; a stamp of 0 means the arrival.
+
+        Returns
+        -------
+        list of Step
+            One for every frame this message completed; usually one, sometimes none or two.
+        """
+        count = self.tally.count
+        count('messages')
+        if len(positions) != len(names):
+            count('no positions' if len(positions) == 0 else 'wrong length')
+            return []
+        if len(names) == 0:
+            count('no positions')
+            return []
+        joints, places, clean = self._look_up(names)
+        if not clean:
+            count('duplicate names')
+            return []
+        if not len(joints):
+            count('no known joint')
+            return []
+        verdict = self._stamps.judge(stamp, arrival)
+        if verdict.reason:
+            count(verdict.reason)
+        if verdict.stamp is None:
+            return []
+        if verdict.reset:
+            count('clock resets')
+            self.predictor.reset()
+            self._frames.reset()
+            self._epoch = None
+        values = np.array(positions, dtype=float)[places]
+        usable = np.abs(values) <= IMPLAUSIBLE_RAD
+        if not usable.all():
+            broken = len(values) - int(usable.sum())
+            absent = int(np.isnan(values).sum())
+            count('NaN values', absent)
+            count('implausible values', broken - absent)
+            values[~usable] = np.nan
+        frames, dropped = self._frames.add(joints, values, verdict.stamp)
+        if dropped:
+            count(dropped)
+        steps = [self._update(frame) for frame in frames]
+        return [step for step in steps if step is not None]
+
+    def _look_up(self, names):
+        """Robot joint numbers, their places in the message, and whether no joint comes twice."""
+        names = tuple(names)
+        found = self._lookups.get(names)
+        if found is None:
+            known = [(self._numbers[name], place) for place, name in enumerate(names) if name in self._numbers]
+            for name in names:
+                if name not in self._numbers and len(self.unknown) < _REMEMBERED:
+                    self.unknown[name] = None
+            table = np.array(known, dtype=np.intp).reshape(-1, 2)
+            found = table[:, 0].copy(), table[:, 1].copy(), len({number for number, _ in known}) == len(known)
+            if len(self._lookups) >= _REMEMBERED:
+                self._lookups.clear()
+            self._lookups[names] = found
+        return found
+
+    def _update(self, frame):
+        if self._epoch is None:
+            self._epoch = frame.stamp
+        started = perf_counter()
+        observed = self._allowed & ~np.isnan(frame.values)
+        joints = np.flatnonzero(observed)
+        pose = self._pose
+        pose[:] = np.nan
+        pose[self.joint_map.channels[joints]] = self.joint_map.to_model(frame.values[joints], joints)
+        try:
+            estimate = self.predictor.update((frame.stamp - self._epoch) * 1e-9, pose, ~np.isnan(pose))
+            sound = np.isfinite(estimate.mean).all() and np.isfinite(estimate.phase)
+        except (ArithmeticError, np.linalg.LinAlgError):
+            sound = False
+        self.tally.time('update', perf_counter() - started)
+        if not sound:  # numerically broken: say so and search again rather than publish it
+            self.tally.count('filter failures')
+            self.predictor.reset()
+            self._epoch = None
+            return None
+        filled = self.joint_map.to_robot(estimate.mean)
+        filled[joints] = frame.values[joints]
+        self.last = Step(frame.stamp, estimate, filled, self.joint_map.spread_to_robot(estimate.std), observed)
+        self.tally.count('updates')
+        return self.last
+
+    def predict(self, horizons):
+        """Predict from the last step; ``horizons`` shape (H,), s. None before the first step or if it is not finite."""
+        if self._epoch is None or self.last is None:
+            return None
+        started = perf_counter()
+        ahead = self.predictor.predict(horizons)
+        if not (np.isfinite(ahead.mean).all() and np.isfinite(ahead.std).all()
+                and np.isfinite(ahead.velocity).all()):
+            self.tally.count('filter failures')
+            self.predictor.reset()
+            self._epoch = None
+            return None
+        mean = self.joint_map.to_robot(ahead.mean)
+        outlook = Outlook(self.last.stamp, mean, self.joint_map.spread_to_robot(ahead.std),
+                          self.joint_map.velocity_to_robot(ahead.velocity, mean))
+        self.tally.time('predict', perf_counter() - started)
+        return outlook
+
+    def sensors(self, now):
+        """State of every robot joint's sensor at ``now`` (ns): a dict of state to list of names.
+
+        The states are ``used``, ``masked`` (by request), ``timed out``, ``never seen`` and ``not measured`` (absent
+        from the last frame, or NaN).
+        """
+        ages = self._frames.ages(now)
+        observed = self.last.observed if self.last is not None else np.zeros(len(ages), dtype=bool)
+        states = np.where(observed, 'used', 'not measured')
+        states[ages > self.settings.joint_timeout] = 'timed out'
+        states[np.isinf(ages)] = 'never seen'
+        states[~self._allowed] = 'masked'
+        return {state: [name for name, own in zip(self.robot_joints, states) if own == state]
+                for state in ('used', 'masked', 'timed out', 'never seen', 'not measured')}
+
+    def status(self):
+        """Status of the last step; ACQUIRING before the first."""
+        return self.last.estimate.status if self.last is not None else Status.ACQUIRING
+
+
+def warm_up(predictor, horizons, updates=3):
+    """Put a predictor through its paces so that the first message costs what every message costs; then reset it."""
+    pose = np.zeros(len(predictor.joint_names))
+    for number in range(updates):
+        predictor.update(number * 0.01, pose)
+        predictor.predict(horizons)
+    predictor.reset()
