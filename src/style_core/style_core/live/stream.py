@@ -9,6 +9,7 @@ from style_core.errors import UsageError
 from style_core.live.frames import FrameAssembler
 from style_core.live.stamp_policy import NANOSECONDS, StampPolicy
 from style_core.live.tally import Tally
+from style_core.motion import matching_names
 from style_core.predictor import Estimate, Status
 
 __all__ = ['StreamSettings', 'Step', 'Outlook', 'PredictorStream', 'warm_up']
@@ -147,18 +148,15 @@ class PredictorStream:
         self._epoch: Optional[int] = None
         self.last: Optional[Step] = None
 
-    def set_mask(self, names, allowed):
-        """Use (``allowed``) or ignore the sensors of the robot joints ``names``.
+    def set_mask(self, patterns, allowed):
+        """Use (``allowed``) or ignore the sensors of the robot joints that match any of the patterns.
 
         Raises
         ------
-        UsageError
-            If a name is unknown; then nothing is changed.
+        MotionError
+            If a pattern matches no joint; then nothing is changed.
         """
-        strange = [name for name in names if name not in self._numbers]
-        if strange:
-            raise UsageError(f'no such joint: {", ".join(strange)}; known are {", ".join(self.robot_joints)}')
-        for name in names:
+        for name in matching_names(self.robot_joints, patterns):
             self._allowed[self._numbers[name]] = allowed
 
     @property

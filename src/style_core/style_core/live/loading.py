@@ -1,0 +1,63 @@
+"""Load a model for live use: read, build the predictor, put it through its paces."""
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Mapping
+
+from style_core.live.stream import warm_up
+from style_core.phase_style import KIND, load_behaviours, make_predictor
+from style_core.predictor import OnlinePredictor
+
+__all__ = ['LiveModel', 'load_live']
+
+
+@dataclass(frozen=True, eq=False)
+class LiveModel:
+    """A predictor ready for its first message.
+
+    Attributes
+    ----------
+    name : str
+        File name without ending.
+    kind : str
+    method : str
+    predictor : OnlinePredictor
+    rhythmic : mapping of str to bool
+        Of every behaviour: does it repeat, or go from a start to a goal.
+    rate_hz : float
+        Of the training sequences.
+    """
+
+    name: str
+    kind: str
+    method: str
+    predictor: OnlinePredictor
+    rhythmic: Mapping[str, bool]
+    rate_hz: float
+
+    def is_discrete(self, estimate):
+        """Whether the phase of ``estimate`` runs from start to goal: that of its most probable behaviour."""
+        behaviour = max(estimate.behaviours, key=estimate.behaviours.get, default=next(iter(self.rhythmic)))
+        return not self.rhythmic[behaviour]
+
+
+def load_live(path, method, horizons):
+    """Load a phase-style model and warm it up.
+
+    Parameters
+    ----------
+    path : path-like
+    method : str
+        See `style_core.phase_style.make_predictor`.
+    horizons : ndarray, shape (H,)
+        What will be predicted, s.
+
+    Raises
+    ------
+    ModelError
+        If the file is not a readable phase-style model.
+    """
+    behaviours = load_behaviours(path)
+    predictor = make_predictor(behaviours, method)
+    warm_up(predictor, horizons)
+    return LiveModel(Path(path).stem, KIND, method, predictor, {one.name: one.rhythmic for one in behaviours},
+                     behaviours[0].rate_hz)

@@ -1,0 +1,122 @@
+"""Publish any motion file as joint states, with the faults of real sensors where wanted."""
+import array
+import sys
+
+import rclpy
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+
+from style_core.angles import continuous
+from style_core.errors import ModelError, MotionError, UsageError
+from style_core.formats import read_motion
+from style_core.live.joint_map import identity_map, read_joint_map
+from style_core.live.player import loop_cut, play
+from style_core.live.stamp_policy import NANOSECONDS
+from style_predictor.parameters import PLAYER, faults_of
+from style_predictor.ros_parameters import declare, values_of, watch
+
+__all__ = ['PlayerNode', 'main']
+
+
+class PlayerNode(Node):
+    """Publishes ``joint_states`` as recorded and faulted, and ``~/truth`` without the faults."""
+
+    def __init__(self, **options):
+        super().__init__('motion_player', **options)
+        declare(self, PLAYER)
+        watch(self, PLAYER, lambda: True, lambda values: None)
+        values = values_of(self, PLAYER)
+        motion = _motion_of(values, self.get_logger())
+        joint_map = read_joint_map(values['joint_map']) if values['joint_map'] else identity_map()
+        bound = joint_map.bind(motion.joint_names)
+        motion = motion.replace(joint_names=bound.robot_joints, positions=bound.to_robot(motion.positions), units=None)
+        self._names = list(bound.robot_joints)
+        self._epoch = motion.epoch_ns
+        self._mode = values['stamps']
+        self._samples = play(motion, faults_of(values), values['loop'] != 'no', values['speed'], self._mode)
+        qos = QoSProfile(depth=64)
+        self._output = self.create_publisher(JointState, 'joint_states', qos)
+        self._truth = self.create_publisher(JointState, '~/truth', qos)
+        self.done = rclpy.task.Future()
+        self._exit_at_end = values['exit_at_end']
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._start = self._steady.now().nanoseconds + round(values['delay'] * NANOSECONDS)
+        self._start_stamp = self.get_clock().now().nanoseconds + round(values['delay'] * NANOSECONDS)
+        self._pending = next(self._samples)
+        self._timer = self.create_timer(max(values['delay'], 1e-4), self._on_timer, clock=self._steady)
+        self.get_logger().info(f'playing {motion.name or values["file"]}: {motion.n_frames} frames, '
+                               f'{len(self._names)} joints, {motion.rate_hz:g} Hz, loop: {values["loop"]}')
+
+    def _on_timer(self):
+        while self._pending is not None:
+            wait = self._start + round(self._pending.due * NANOSECONDS) - self._steady.now().nanoseconds
+            if wait > 20_000:  # 20 microseconds early is on time
+                self._timer.timer_period_ns = wait
+                self._timer.reset()
+                return
+            self._publish(self._pending)
+            self._pending = next(self._samples, None)
+        self._timer.cancel()
+        self.get_logger().info('everything has been played')
+        if self._exit_at_end:
+            self.done.set_result(True)
+
+    def _publish(self, sample):
+        message = JointState(name=list(sample.names), position=array.array('d', sample.positions.tobytes()))
+        truth = JointState(name=self._names, position=array.array('d', sample.truth.tobytes()))
+        if sample.stamp is not None:
+            epoch = self._epoch if self._mode == 'file' else self._start_stamp
+            stamp = epoch + round(sample.stamp * NANOSECONDS)
+            if stamp < 0:
+                raise UsageError('a stamp before 1970 cannot be sent: jump_by reaches too far back')
+            for header in (message.header, truth.header):
+                header.stamp.sec, header.stamp.nanosec = divmod(stamp, NANOSECONDS)
+        self._output.publish(message)
+        self._truth.publish(truth)
+
+
+def _motion_of(values, logger):
+    """The motion to play, as the parameters say."""
+    if not values['file']:
+        raise UsageError('the parameter file is empty: give the path of a motion file')
+    motion = continuous(read_motion(values['file'], skeleton=values['skeleton'] or None))
+    joints = [pattern for pattern in values['joints'] if pattern]
+    if joints:
+        motion = motion.select(*joints)
+    if values['start'] or values['stop']:
+        motion = motion.slice(values['start'] or None, values['stop'] or None)
+    if values['rate']:
+        motion = motion.resample(values['rate'])
+    if values['loop'] == 'seamless':
+        motion, seam = loop_cut(motion)
+        logger.info(f'loop of {motion.duration_s:.2f} s; the joints jump by {seam:.4f} rad (RMS) at its seam')
+    return motion
+
+
+def main(args=None):
+    """Play until the end, or until told to stop."""
+    rclpy.init(args=args)
+    node = None
+    try:
+        node = PlayerNode()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        while rclpy.ok() and not node.done.done():
+            executor.spin_once(timeout_sec=0.2)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except (UsageError, MotionError, ModelError, OSError) as error:
+        print(f'motion_player: {error}', file=sys.stderr)
+        return 2 if isinstance(error, UsageError) else 1
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

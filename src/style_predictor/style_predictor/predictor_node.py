@@ -1,0 +1,299 @@
+"""Joint states in, predicted joint trajectory out: the predictor as a lifecycle node."""
+import gc
+import sys
+import threading
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import rclpy
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from style_msgs.srv import LoadModel, ResetEstimate, SetMask
+
+from style_core.errors import MotionError, UsageError
+from style_core.live.health import WARN, Health, health_of
+from style_core.live.joint_map import identity_map, read_joint_map
+from style_core.live.loading import load_live
+from style_core.live.stamp_policy import NANOSECONDS
+from style_core.live.stream import PredictorStream
+from style_predictor.lifecycle import SoundLifecycleNode, transition
+from style_predictor.outputs import Outputs, Writers, diagnostics_message
+from style_predictor.parameters import PREDICTOR, horizons_of, settings_of
+from style_predictor.ros_parameters import declare, values_of, watch
+
+__all__ = ['PredictorNode', 'main']
+
+# best effort and volatile like all sensor data, but deep enough for a pause of some tens of ms at 1 kHz: what has
+# arrived is taken at one go, and only the newest is answered
+INPUT_QOS = QoSProfile(depth=64, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
+MOST_AT_ONCE = 64
+
+
+class PredictorNode(SoundLifecycleNode):
+    """See ``docs/predictor_node.md`` for topics, services and parameters."""
+
+    def __init__(self, **options):
+        super().__init__('predictor', **options)
+        self._stream = None
+        self._active = False
+        self._loading = False
+        declare(self, PREDICTOR)
+        watch(self, PREDICTOR, lambda: self._stream is not None, self._apply)
+
+    @transition
+    def on_configure(self, state):
+        """Load the model, warm it up, make publishers, services and the subscription."""
+        self._values = values_of(self, PREDICTOR)
+        if not self._values['model']:
+            raise UsageError('the parameter model is empty: give the path of a phase-style model file')
+        self._horizons = horizons_of(self._values)
+        live, stream, writers = self._build(self._values['model'], self._horizons)
+        masked = [pattern for pattern in self._values['masked_joints'] if pattern]
+        if masked:
+            stream.set_mask(masked, False)
+        self._live, self._stream, self._writers = live, stream, writers
+        self._outlook = None
+        self._next_publication = 0.0
+        self._warned = set()
+        self._outputs = Outputs(self)
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._subscription = self.create_subscription(
+            JointState, 'joint_states', self._on_joint_states, INPUT_QOS,
+            qos_overriding_options=QoSOverridingOptions.with_default_policies())
+        self._timer = self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._own_services = [
+            self.create_service(SetMask, '~/set_mask', self._on_set_mask),
+            self.create_service(ResetEstimate, '~/reset', self._on_reset),
+            # waits for its thread without keeping joint states waiting
+            self.create_service(LoadModel, '~/load_model', self._on_load_model,
+                                callback_group=MutuallyExclusiveCallbackGroup())]
+        gc.collect()
+        gc.freeze()  # what is loaded now stays; the collector need not look at it again while messages wait
+        self.get_logger().info(f'configured with {live.name} ({live.method}), {len(stream.robot_joints)} joints, '
+                               f'{len(self._horizons)} points to {self._horizons[-1]:.3f} s')
+        return TransitionCallbackReturn.SUCCESS
+
+    @transition
+    def on_activate(self, state):
+        """Start a search for the phase and publish from now on."""
+        self._stream.reset()
+        result = super().on_activate(state)
+        self._outputs.describe(self._live, self._stream, self._horizons)
+        self._active = True
+        return result
+
+    @transition
+    def on_deactivate(self, state):
+        """Fall silent; the model stays loaded."""
+        self._active = False
+        return super().on_deactivate(state)
+
+    @transition
+    def on_cleanup(self, state):
+        """Give back everything that configuring made."""
+        self._tear_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    @transition
+    def on_shutdown(self, state):
+        """The same on the way out."""
+        self._tear_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    @transition
+    def on_error(self, state):
+        """After an unforeseen error: give everything back, so that the node can be configured again."""
+        self._tear_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    def _tear_down(self):
+        self._active = False
+        if self._stream is None:
+            return
+        self._stream = None
+        self.destroy_subscription(self._subscription)
+        self.destroy_timer(self._timer)
+        self.destroy_publisher(self._diagnostics)
+        for service in self._own_services:
+            self.destroy_service(service)
+        self._outputs.destroy()
+
+    def _build(self, path, horizons):
+        """Model, stream and writers, all warm."""
+        live = load_live(self._model_path(path), self._values['method'], horizons)
+        joint_map = read_joint_map(self._values['joint_map']) if self._values['joint_map'] else identity_map()
+        stream = PredictorStream(live.predictor, joint_map.bind(live.predictor.joint_names), settings_of(self._values))
+        return live, stream, Writers(live, stream, horizons)
+
+    def _model_path(self, path):
+        folder = self._values['models_folder']
+        if not folder:
+            try:
+                folder = Path(get_package_share_directory('style_bringup')) / 'config' / 'models'
+            except PackageNotFoundError:
+                folder = Path.cwd()
+        return Path(folder) / path
+
+    def _apply(self, values):
+        """Take over live parameters; called only with values that passed the checks."""
+        if self._stream is None:
+            return
+        self._values = values
+        self._stream.configure(settings_of(values))
+        horizons = horizons_of(values)
+        if not np.array_equal(horizons, self._horizons):
+            self._horizons = horizons
+            self._writers = Writers(self._live, self._stream, horizons)
+            if self._active:
+                self._outputs.describe(self._live, self._stream, horizons)
+
+    def _on_joint_states(self, message):
+        if not self._active:
+            return
+        started = perf_counter()
+        step = None
+        for _ in range(MOST_AT_ONCE):
+            stamp = message.header.stamp
+            for step in self._stream.receive(message.name, message.position, stamp.sec * NANOSECONDS + stamp.nanosec,
+                                             self._now()):
+                pass
+            taken = self._subscription.handle.take_message(JointState, False)
+            if taken is None:
+                break
+            message = taken[0]
+        if step is not None:
+            self._answer(step, started)
+        tally = self._stream.tally
+        tally.time('callback', perf_counter() - started)
+        if perf_counter() - started > self._values['deadline']:
+            tally.count('missed deadlines')
+
+    def _answer(self, step, now):
+        rate = self._values['max_publish_rate']
+        if rate:
+            if now < self._next_publication:
+                self._stream.tally.count('skipped')
+                return
+            self._next_publication = max(self._next_publication + 1 / rate, now)
+        self._outlook = self._stream.predict(self._horizons)
+        self._outputs.publish(self._writers, step, self._outlook)
+
+    def _now(self):
+        return self.get_clock().now().nanoseconds
+
+    def _report(self):
+        name = f'{self.get_name()}: motion prediction'
+        if self._active:
+            self._warn_once()
+            health = health_of(self._stream, self._now(), self._outlook)
+        else:
+            health = Health(WARN, 'not active', {})
+        self._diagnostics.publish(diagnostics_message(self.get_clock().now().to_msg(), name, health, self._live.name))
+
+    def _warn_once(self):
+        counts = self._stream.tally.total
+        told = {
+            'zero': 'joint states have zero stamps: the time of arrival is used instead',
+            'stale': 'joint states are older than max_stamp_age on arrival and are dropped; a bag played back wants '
+                     'use_sim_time with its clock, or max_stamp_age 0',
+            'future': 'joint states have stamps in the future and are dropped: are the clocks synchronised?'}
+        for what in set(told) - self._warned:
+            if counts[what]:
+                self._warned.add(what)
+                self.get_logger().warning(told[what])
+        unknown = [name for name in self._stream.unknown if ('unknown', name) not in self._warned]
+        if unknown:
+            self._warned.update(('unknown', name) for name in unknown)
+            self.get_logger().warning(f'joints that the model does not know are ignored: {", ".join(unknown)}')
+
+    def _on_set_mask(self, request, response):
+        try:
+            self._stream.set_mask(list(request.joints), not request.masked)
+            response.success = True
+        except MotionError as error:
+            response.message = str(error)
+        response.masked_joints = [
+            name for name, allowed in zip(self._stream.robot_joints, self._stream.allowed) if not allowed]
+        return response
+
+    def _on_reset(self, request, response):
+        self._stream.reset()
+        self._outlook = None
+        response.success = True
+        return response
+
+    async def _on_load_model(self, request, response):
+        if self._loading:
+            response.message = 'another model is being loaded'
+        else:
+            self._loading = True
+            done = Future(executor=self.executor)
+            horizons = self._horizons
+            threading.Thread(target=self._load, args=(request.path, horizons, done), daemon=True).start()
+            loaded = await done
+            self._loading = False
+            if isinstance(loaded, Exception):
+                response.message = str(loaded)
+            elif self._stream is None or horizons is not self._horizons:
+                response.message = 'the node was reconfigured meanwhile: the model is not taken over'
+            else:
+                self._take_over(*loaded)
+                response.success = True
+        if self._stream is not None:
+            response.model, response.kind = self._live.name, self._live.kind
+            response.joint_names = list(self._live.predictor.joint_names)
+        return response
+
+    def _load(self, path, horizons, done):
+        try:
+            done.set_result(self._build(path, horizons))
+        except Exception as error:  # whatever it is, whoever asked must hear of it
+            done.set_result(error)
+
+    def _take_over(self, live, stream, writers):
+        old = self._stream
+        masked = [name for name, allowed in zip(old.robot_joints, old.allowed)
+                  if not allowed and name in stream.robot_joints]
+        if masked:
+            stream.set_mask(masked, False)
+        stream.configure(settings_of(self._values))
+        stream.tally = old.tally
+        self._live, self._stream, self._writers, self._outlook = live, stream, writers, None
+        if self._active:
+            self._outputs.describe(live, stream, self._horizons)
+        self.get_logger().info(f'now using {live.name}')
+
+
+def main(args=None):
+    """Run the node until it is told to stop."""
+    sys.setswitchinterval(0.0005)  # a model loading in its thread must not hold up joint states
+    rclpy.init(args=args)
+    node = None
+    try:
+        node = PredictorNode()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except UsageError as error:
+        print(f'predictor: {error}', file=sys.stderr)
+        return 2
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

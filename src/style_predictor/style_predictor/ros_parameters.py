@@ -1,0 +1,64 @@
+"""Declare a `ParameterTable` on a node and keep its values checked."""
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+
+from style_core.errors import UsageError
+
+__all__ = ['declare', 'values_of', 'watch']
+
+
+def declare(node, table):
+    """Declare every parameter with its description and range.
+
+    Raises
+    ------
+    UsageError
+        If the values given at the start are wrong, alone or together.
+    """
+    for one in table:
+        descriptor = ParameterDescriptor(description=one.text)
+        if isinstance(one.default, tuple):
+            descriptor.dynamic_typing = True  # an empty list has no type of its own; the table checks it
+        elif one.lower is not None and isinstance(one.default, float):
+            descriptor.floating_point_range = [FloatingPointRange(from_value=float(one.lower), to_value=float(one.upper))]
+        elif one.lower is not None:
+            descriptor.integer_range = [IntegerRange(from_value=one.lower, to_value=one.upper, step=1)]
+        default = list(one.default) if isinstance(one.default, tuple) else one.default
+        try:
+            node.declare_parameter(one.name, default, descriptor)
+        except Exception as error:  # rclpy has a dozen kinds, all saying that the given value does not fit
+            raise UsageError(f'parameter {one.name}: {error}') from None
+    table.check(values_of(node, table))
+
+
+def values_of(node, table):
+    """All values of a table, as they stand now."""
+    return {one.name: _plain(node.get_parameter(one.name).value) for one in table}
+
+
+def watch(node, table, configured, apply):
+    """Check every change against the whole table; refuse it as a whole with the reason, or apply it.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    table : ParameterTable
+    configured : callable
+        Tells whether parameters that are not live are fixed now.
+    apply : callable
+        Takes the complete new values; called only where something in the table changes.
+    """
+    names = {one.name for one in table}
+
+    def on_set(parameters):
+        changes = {parameter.name: _plain(parameter.value) for parameter in parameters if parameter.name in names}
+        if changes:
+            try:
+                apply(table.check_change(values_of(node, table), changes, configured()))
+            except UsageError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+    node.add_on_set_parameters_callback(on_set)
+
+
+def _plain(value):
+    return list(value) if isinstance(value, tuple) else value
