@@ -25,7 +25,7 @@ def transition(method):
 
 
 class SoundLifecycleNode(LifecycleNode):
-    """Humble's LifecycleNode, but a request for an impossible transition is answered with no instead of an exception."""
+    """Humble's LifecycleNode, but a request for an impossible transition is answered with no, not with an exception."""
 
     def __init__(self, name, **options):
         super().__init__(name, **options)

@@ -8,10 +8,10 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from style_msgs.msg import MotionPrediction, StyleEstimate
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from style_core.live.stamp_policy import NANOSECONDS
+from style_msgs.msg import MotionPrediction, StyleEstimate
 from style_predictor.templates import MessageTemplate, set_stamp
 
 __all__ = ['Outputs', 'Writers', 'diagnostics_message']

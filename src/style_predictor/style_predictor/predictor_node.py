@@ -17,7 +17,6 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
-from style_msgs.srv import LoadModel, ResetEstimate, SetMask
 
 from style_core.errors import MotionError, UsageError
 from style_core.live.health import WARN, Health, health_of
@@ -25,6 +24,7 @@ from style_core.live.joint_map import identity_map, read_joint_map
 from style_core.live.loading import load_live
 from style_core.live.stamp_policy import NANOSECONDS
 from style_core.live.stream import PredictorStream
+from style_msgs.srv import LoadModel, ResetEstimate, SetMask
 from style_predictor.lifecycle import SoundLifecycleNode, transition
 from style_predictor.outputs import Outputs, Writers, diagnostics_message
 from style_predictor.parameters import PREDICTOR, horizons_of, settings_of
@@ -160,18 +160,18 @@ class PredictorNode(SoundLifecycleNode):
         if not self._active:
             return
         started = perf_counter()
-        step = None
+        newest = None
         for _ in range(MOST_AT_ONCE):
             stamp = message.header.stamp
-            for step in self._stream.receive(message.name, message.position, stamp.sec * NANOSECONDS + stamp.nanosec,
-                                             self._now()):
-                pass
+            steps = self._stream.receive(message.name, message.position, stamp.sec * NANOSECONDS + stamp.nanosec,
+                                         self._now())
+            newest = steps[-1] if steps else newest
             taken = self._subscription.handle.take_message(JointState, False)
             if taken is None:
                 break
             message = taken[0]
-        if step is not None:
-            self._answer(step, started)
+        if newest is not None:
+            self._answer(newest, started)
         tally = self._stream.tally
         tally.time('callback', perf_counter() - started)
         if perf_counter() - started > self._values['deadline']:

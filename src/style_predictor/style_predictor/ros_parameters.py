@@ -19,7 +19,8 @@ def declare(node, table):
         if isinstance(one.default, tuple):
             descriptor.dynamic_typing = True  # an empty list has no type of its own; the table checks it
         elif one.lower is not None and isinstance(one.default, float):
-            descriptor.floating_point_range = [FloatingPointRange(from_value=float(one.lower), to_value=float(one.upper))]
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=float(one.lower), to_value=float(one.upper))]
         elif one.lower is not None:
             descriptor.integer_range = [IntegerRange(from_value=one.lower, to_value=one.upper, step=1)]
         default = list(one.default) if isinstance(one.default, tuple) else one.default

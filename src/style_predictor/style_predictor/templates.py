@@ -41,8 +41,7 @@ class MessageTemplate:
         self._places = {}
         for name, (setter, dtype, count) in fields.items():
             dtype = np.dtype(dtype)
-            marker = np.ones(count, dtype) if dtype == bool else np.full(
-                count * dtype.itemsize, 1, np.uint8).view(dtype)
+            marker = np.full(count * dtype.itemsize, 1, np.uint8).view(dtype)
             setter(message, marker)
             places = np.flatnonzero(np.frombuffer(serialize_message(message), np.uint8)[:len(plain)] != plain)
             setter(message, np.zeros(count, dtype))
@@ -51,7 +50,7 @@ class MessageTemplate:
                 raise ValueError(f'field {name} does not have {count} numbers of type {dtype}')
             first = int(starts[0]) % dtype.itemsize if count else 0
             whole = (len(plain) - first) // dtype.itemsize * dtype.itemsize
-            view = self._buffer[first:first + whole].view(np.uint8 if dtype == bool else dtype)
+            view = self._buffer[first:first + whole].view(dtype)
             index = (starts - first) // dtype.itemsize
             run = count > 0 and index[-1] - index[0] == count - 1
             self._places[name] = view, slice(int(index[0]), int(index[-1]) + 1) if run else index
