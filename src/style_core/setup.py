@@ -17,7 +17,8 @@ def kernels():
                   # contraction off: the same bits on machines with and without fused multiply-add
                   extra_compile_args=['-O3', '-ffp-contract=off'])
         for path in sources]
-    return cythonize(extensions, language_level=3, compiler_directives={
+    # quiet: colcon reads what this file prints when it asks for the package's metadata
+    return cythonize(extensions, language_level=3, quiet=True, compiler_directives={
         'boundscheck': False, 'wraparound': False, 'cdivision': True, 'initializedcheck': False})
 
 
