@@ -8,5 +8,11 @@ lock() {  # lock NAME PYTHON [OPTION...]
 }
 lock pip 3.10
 lock ros_prefix 3.12
-lock floor_python310 3.10
 lock ros_tree 3.12 --no-deps
+lock floor_python310 3.10
+without=()
+for package in numpy scipy matplotlib contourpy cycler fonttools kiwisolver packaging pillow pyparsing \
+        python-dateutil six; do
+    without+=(--no-emit-package "$package")
+done
+lock humble_apt 3.10 --constraint humble_apt_given.in "${without[@]}"

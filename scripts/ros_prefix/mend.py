@@ -139,7 +139,7 @@ def mend_cmake(tree, prefix, numpy_include):
     from_template('fastcdr-config.cmake', tree / 'share/fastcdr/cmake/fastcdr-config.cmake')
     finder = tree / 'share/ament_cmake_core/cmake/core/python.cmake'
     original = finder.read_text()
-    from_template('python.cmake', finder, PYTHON=prefix / 'venv/bin/python3', LIBRARY=library,
+    from_template('python.cmake.in', finder, PYTHON=prefix / 'venv/bin/python3', LIBRARY=library,
                   INCLUDE=sysconfig.get_path('include'))
     finder.write_text(finder.read_text() + original)
     # registered, but its executable is not in the tree
@@ -150,10 +150,10 @@ def add_executables(tree, prefix):
     """The generators that CMake calls, and ``ros2``."""
     python = prefix / 'venv/bin/python3'
     for package, (module, function) in ROSIDL_EXECUTABLES.items():
-        from_template('generator.py', tree / 'lib' / package / package, 0o755, PYTHON=python, MODULE=module,
+        from_template('generator.py.in', tree / 'lib' / package / package, 0o755, PYTHON=python, MODULE=module,
                       FUNCTION=function)
     for command, module in (('ros2', 'ros2cli.cli'), ('_ros2_daemon', 'ros2cli.daemon')):
-        from_template('command.py', tree / 'bin' / command, 0o755, PYTHON=python, MODULE=module)
+        from_template('command.py.in', tree / 'bin' / command, 0o755, PYTHON=python, MODULE=module)
 
 
 def add_ros2_verbs(tree):
@@ -170,7 +170,7 @@ def add_setup_scripts(tree, prefix):
     """colcon chains a prefix by its ``local_setup.*``; people source ``setup.*``."""
     for name in ('local_setup', 'setup'):
         for shell in ('sh', 'bash', 'zsh'):
-            from_template('setup.sh', tree / f'{name}.{shell}', PREFIX=prefix)
+            from_template('setup.sh.in', tree / f'{name}.{shell}', PREFIX=prefix)
 
 
 def move_scripts(tree, prefix):

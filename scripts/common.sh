@@ -1,0 +1,99 @@
+# Shared by the scripts of this folder; sourced, not run.
+set -euo pipefail
+ROOT="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
+HUMBLE=/opt/ros/humble
+PREFIX="${STYLE_ROS_PREFIX:-$ROOT/.ros2/humble}"
+
+say() { printf '%s\n' "$*"; }
+die() { printf '%s\n' "$*" >&2; exit 1; }
+
+# run_as_root COMMAND...: as root, or through sudo where it asks no password
+run_as_root() {
+    if [ "$(id -u)" = 0 ]; then "$@"; elif sudo -n true 2>/dev/null; then sudo "$@"; else return 1; fi
+}
+
+# apt_install PACKAGE...: install what is missing; where that cannot be done, name exactly what to install
+apt_install() {
+    local missing=() package
+    for package in "$@"; do
+        dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
+    done
+    [ ${#missing[@]} -gt 0 ] || return 0
+    if command -v apt-get >/dev/null; then
+        say "Installing with apt: ${missing[*]}"
+        run_as_root env DEBIAN_FRONTEND=noninteractive apt-get -qq update || true
+        run_as_root env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends "${missing[@]}" \
+            >/dev/null && return 0
+    fi
+    die "Missing, and not installable from here: ${missing[*]}
+Install them (Debian, Ubuntu: sudo apt install ${missing[*]}) and run this again."
+}
+
+# python_fits PYTHON VERSION [static-is-fine]: is it that CPython, with venv, headers and a shared libpython?
+python_fits() {
+    env -u PYTHONPATH "$1" - "${@:2}" 2>/dev/null <<'PYTHON'
+import ensurepip, os, sys, sysconfig, venv
+fits = sys.implementation.name == 'cpython' and '%d.%d' % sys.version_info[:2] == sys.argv[1]
+library = os.path.join(sysconfig.get_config_var('LIBDIR') or '', sysconfig.get_config_var('LDLIBRARY') or '')
+header = os.path.join(sysconfig.get_path('include'), 'Python.h')
+if fits and not os.path.exists(header):
+    sys.exit(4)
+if fits and '.so' not in os.path.basename(library):
+    sys.exit(0 if len(sys.argv) > 2 else 3)
+sys.exit(0 if fits and os.path.exists(library) else 5)
+PYTHON
+}
+
+# find_python VERSION [static-is-fine]: PYTHON is a CPython of that version on PATH, under pyenv, or among uv's; 1 if
+# there is none. UNFIT then says why those that were seen do not do.
+find_python() {
+    local version="$1" candidate status
+    UNFIT=''
+    for candidate in "${STYLE_PYTHON:-}" "$(command -v "python$version" || true)" \
+            "${PYENV_ROOT:-$HOME/.pyenv}"/versions/"$version".*/bin/python "/opt/pyenv/versions/$version".*/bin/python \
+            "$HOME"/.local/share/uv/python/cpython-"$version"*/bin/python "/usr/local/bin/python$version"; do
+        [ -n "$candidate" ] && [ -x "$candidate" ] || continue
+        status=0
+        python_fits "$candidate" "$@" || status=$?
+        case $status in
+            0) PYTHON="$candidate"; return 0 ;;
+            3) UNFIT+=" $candidate has only a static libpython;" ;;
+            4) UNFIT+=" $candidate has no Python.h;" ;;
+        esac
+    done
+    return 1
+}
+
+# need_python VERSION [static-is-fine]: PYTHON is set, after installing it with apt where that is possible
+need_python() {
+    find_python "$@" && return 0
+    if command -v apt-get >/dev/null && [ -n "$(apt-cache search --names-only "^python$1-dev\$" 2>/dev/null)" ]; then
+        apt_install "python$1" "python$1-venv" "python$1-dev"
+        find_python "$@" && return 0
+    fi
+    die "CPython $1${2- with a shared libpython} is missing.${UNFIT:+ Seen:$UNFIT}
+Install it in one of these ways and run this again:
+  sudo apt install python$1 python$1-venv python$1-dev      (where the distribution has it)
+  uv python install $1
+  PYTHON_CONFIGURE_OPTS=--enable-shared pyenv install $1
+or name one: STYLE_PYTHON=/path/to/python$1"
+}
+
+# source_ros: the Humble of this machine, or the prefix built for this checkout
+source_ros() {
+    set +u
+    if [ -e "$HUMBLE/setup.bash" ]; then
+        . "$HUMBLE/setup.bash"
+    else
+        [ -e "$PREFIX/setup.bash" ] || die "There is no ROS 2 here yet: run make setup"
+        . "$PREFIX/setup.bash"
+    fi
+    set -u
+}
+
+# source_workspace: the built workspace, as a user's shell has it
+source_workspace() {
+    set +u
+    . "$ROOT/install/setup.bash"
+    set -u
+}

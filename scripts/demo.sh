@@ -1,0 +1,7 @@
+#!/bin/bash
+# The main job, live: scripts/demo.py after all the set-up it needs (arguments are handed on).
+. "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+"$ROOT/scripts/setup.sh"
+source_workspace
+cd "$ROOT"
+exec python3 scripts/demo.py "$@"
