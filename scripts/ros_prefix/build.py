@@ -14,9 +14,17 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from ros_prefix import mend  # noqa: E402
-from ros_prefix.downloads import (  # noqa: E402
-    REQUIREMENTS, SetupError, cache_folder, clean_environment, fetch_wheels, install, say, sha256)
+from ros_prefix import mend
+from ros_prefix.downloads import (
+    REQUIREMENTS,
+    SetupError,
+    cache_folder,
+    clean_environment,
+    fetch_wheels,
+    install,
+    say,
+    sha256,
+)
 
 STAMP = 'style-prefix-stamp'
 NOTICE = """\

@@ -1,7 +1,7 @@
 """Build of style_core: pure Python plus the Cython kernels found in the package."""
 from pathlib import Path
 
-from Cython.Build import cythonize
+from Cython.Distutils import build_ext
 from setuptools import Extension, find_packages, setup
 
 HERE = Path(__file__).parent
@@ -15,11 +15,13 @@ def kernels():
     extensions = [
         Extension('.'.join(path.relative_to(HERE).with_suffix('').parts), [str(path.relative_to(HERE))],
                   # contraction off: the same bits on machines with and without fused multiply-add
-                  extra_compile_args=['-O3', '-ffp-contract=off'])
+                  extra_compile_args=['-O3', '-ffp-contract=off', '-Wno-unused-function'])
         for path in sources]
-    # quiet: colcon reads what this file prints when it asks for the package's metadata
-    return cythonize(extensions, language_level=3, quiet=True, compiler_directives={
-        'boundscheck': False, 'wraparound': False, 'cdivision': True, 'initializedcheck': False})
+    for extension in extensions:  # read by Cython's build_ext
+        extension.cython_c_in_temp = True
+        extension.cython_directives = {'language_level': 3, 'boundscheck': False, 'wraparound': False,
+                                       'cdivision': True, 'initializedcheck': False}
+    return extensions
 
 
 setup(
@@ -31,6 +33,7 @@ setup(
     maintainer_email='style-motion@example.org',
     packages=find_packages(include=[NAME, NAME + '.*']),
     ext_modules=kernels(),
+    cmdclass={'build_ext': build_ext},
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy>=1.21,<3', 'scipy>=1.8', 'matplotlib>=3.5', 'tqdm>=4.57',
                       'rosbags>=0.9', 'scikit-learn>=1.0', 'pyyaml>=5.4'],

@@ -248,7 +248,8 @@ def test_joins_are_continuous_in_position_and_velocity(seed, lengths):
     parts = []
     for length in lengths:
         u = np.linspace(0, 1, length)[:, None]
-        parts.append(Poses(generator.normal(size=3) + 0.3 * np.sin(3 * u + generator.normal(size=3)), None, np.zeros(3)))
+        joints = generator.normal(size=3) + 0.3 * np.sin(3 * u + generator.normal(size=3))
+        parts.append(Poses(joints, None, np.zeros(3)))
     joined = join(parts, 60.0).joints
     assert len(joined) == sum(lengths)
     for seam in np.cumsum(lengths)[:-1]:

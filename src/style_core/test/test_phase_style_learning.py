@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
 from style_core import model_file
 from style_core.alignment import cycle_shift, fit_cycle, harmonic_design, period
 from style_core.errors import ModelError, MotionError

@@ -3,12 +3,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from test_phase_style_learning import made_cycle, made_sequence
+
 from style_core.phase_style import PaperPredictor, Sequence, learn
 from style_core.phase_style.kernel import PaperFilter, Table
 from style_core.phase_style.table import NODES, BasisTable
 from style_core.predictor import Status
-
-from test_phase_style_learning import made_cycle, made_sequence
 
 NAMES = [f'j{k}' for k in range(6)]
 

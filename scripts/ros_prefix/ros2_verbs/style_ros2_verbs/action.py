@@ -1,14 +1,19 @@
 """``ros2 action``: list, info, send_goal."""
 import sys
+from typing import ClassVar
 
 import rclpy
 import yaml
 from rclpy.action import (
-    ActionClient, get_action_client_names_and_types_by_node, get_action_names_and_types,
-    get_action_server_names_and_types_by_node)
+    ActionClient,
+    get_action_client_names_and_types_by_node,
+    get_action_names_and_types,
+    get_action_server_names_and_types_by_node,
+)
 from rosidl_runtime_py import message_to_yaml, set_message_fields
 from rosidl_runtime_py.utilities import get_action
-from style_ros2_verbs.verbs import DISCOVERY_S, graph_arguments, graph_node, VerbCommand
+
+from style_ros2_verbs.verbs import DISCOVERY_S, VerbCommand, graph_arguments, graph_node
 
 STATUS = {4: 'SUCCEEDED', 5: 'CANCELED', 6: 'ABORTED'}
 
@@ -93,5 +98,5 @@ def send_goal_arguments(parser):
 class ActionCommand(VerbCommand):
     """Various action related sub-commands."""
 
-    VERBS = {'info': (info, info_arguments), 'list': (list_actions, list_arguments),
+    VERBS: ClassVar = {'info': (info, info_arguments), 'list': (list_actions, list_arguments),
              'send_goal': (send_goal, send_goal_arguments)}

@@ -1,8 +1,10 @@
 """``ros2 interface``: show, list, package."""
 import re
 from pathlib import Path
+from typing import ClassVar
 
 from rosidl_runtime_py import get_interface_path, get_interfaces
+
 from style_ros2_verbs.verbs import VerbCommand
 
 FIELD = re.compile(r'^\s*(?P<type>[A-Za-z]\w*(?:/\w+){0,2})(?:<=\d+)?(?:\[[^\]]*\])?\s+\w+')
@@ -58,4 +60,5 @@ def package_arguments(parser):
 class InterfaceCommand(VerbCommand):
     """Show information about ROS interfaces."""
 
-    VERBS = {'list': (list_all, None), 'package': (package, package_arguments), 'show': (show, show_arguments)}
+    VERBS: ClassVar = {'list': (list_all, None), 'package': (package, package_arguments),
+                       'show': (show, show_arguments)}

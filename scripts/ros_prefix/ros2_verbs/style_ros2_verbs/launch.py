@@ -2,7 +2,7 @@
 import argparse
 import os
 
-from ament_index_python.packages import get_package_share_directory, PackageNotFoundError
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from ros2cli.command import CommandExtension
 
 
@@ -67,7 +67,9 @@ def launch(path, arguments, args):
     from launch import LaunchDescription, LaunchIntrospector, LaunchService
     from launch.actions import IncludeLaunchDescription
     from launch.launch_description_sources import (
-        AnyLaunchDescriptionSource, get_launch_description_from_any_launch_file)
+        AnyLaunchDescriptionSource,
+        get_launch_description_from_any_launch_file,
+    )
     if args.show or args.show_args:
         description = get_launch_description_from_any_launch_file(path)
         if args.show:

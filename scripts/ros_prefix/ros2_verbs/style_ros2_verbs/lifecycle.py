@@ -1,8 +1,10 @@
 """``ros2 lifecycle``: nodes, get, set, list."""
 import sys
+from typing import ClassVar
 
 from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
-from style_ros2_verbs.verbs import call, graph_arguments, graph_node, VerbCommand
+
+from style_ros2_verbs.verbs import VerbCommand, call, graph_arguments, graph_node
 
 GET_STATE = 'lifecycle_msgs/srv/GetState'
 
@@ -111,5 +113,5 @@ def set_arguments(parser):
 class LifecycleCommand(VerbCommand):
     """Various lifecycle related sub-commands."""
 
-    VERBS = {'get': (get, get_arguments), 'list': (list_transitions, list_arguments),
+    VERBS: ClassVar = {'get': (get, get_arguments), 'list': (list_transitions, list_arguments),
              'nodes': (nodes, nodes_arguments), 'set': (set_state, set_arguments)}

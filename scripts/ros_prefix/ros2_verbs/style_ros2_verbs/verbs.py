@@ -1,11 +1,12 @@
 """What the commands share: verbs below a command, and calls to other nodes."""
 import contextlib
 import time
+from typing import ClassVar
 
 import rclpy
 from ros2cli.command import CommandExtension
-from ros2cli.node.direct import add_arguments as add_direct_arguments
 from ros2cli.node.direct import DirectNode
+from ros2cli.node.direct import add_arguments as add_direct_arguments
 
 DISCOVERY_S = 5.0
 
@@ -13,7 +14,7 @@ DISCOVERY_S = 5.0
 class VerbCommand(CommandExtension):
     """A command whose verbs are the functions in ``VERBS``: name -> (function, add_arguments or None)."""
 
-    VERBS = {}
+    VERBS: ClassVar = {}
 
     def add_arguments(self, parser, cli_name):
         """One sub-parser a verb; the help of a verb is its function's docstring."""

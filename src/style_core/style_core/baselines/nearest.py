@@ -49,7 +49,8 @@ class NearestHistories(PoseKeeper):
         far = int(np.ceil(ahead_s * rate_hz - 1e-9))
         self._usable = np.flatnonzero((index - start >= self._frames - 1) & (index + far < self._stop))
         if len(self._usable) < neighbours:
-            raise MotionError(f'training recordings are too short for histories of {frames} frames and {ahead_s:g} s ahead')
+            raise MotionError(
+                f'training recordings are too short for histories of {frames} frames and {ahead_s:g} s ahead')
         self._neighbours = int(neighbours)
         super().__init__(names, self._bank.mean(axis=0))
 
