@@ -5,10 +5,10 @@ from scipy.linalg import cho_factor, cho_solve
 from style_core.baselines.pose_keeper import PoseKeeper
 from style_core.errors import MotionError
 
-__all__ = ['LinearLeastSquares', 'RadialBasisNetwork']
+__all__ = ['FadingLeastSquares', 'LinearLeastSquares', 'RadialBasisNetwork']
 
 
-class _FadingLeastSquares:
+class FadingLeastSquares:
     """Least squares with a forgetting factor (Haykin 2002) in information form.
 
     The ridge does not fade with the data, unlike in the covariance recursion, whose matrix grows without bound in
@@ -21,12 +21,14 @@ class _FadingLeastSquares:
         self._cross = np.zeros((n_features, n_outputs))
 
     def learn(self, features, outputs):
+        """Take observations of one instant: ``features`` (N, F), ``outputs`` (N, O)."""
         self._information *= self._forgetting
-        self._information += features[:, None] * features
+        self._information += features.T @ features
         self._cross *= self._forgetting
-        self._cross += features[:, None] * outputs
+        self._cross += features.T @ outputs
 
     def weights(self):
+        """Return the weights, shape (F, O)."""
         ridged = self._information.copy()
         ridged[np.diag_indices_from(ridged)] += self._ridge
         return cho_solve(cho_factor(ridged, overwrite_a=True, check_finite=False), self._cross, check_finite=False)
@@ -41,14 +43,14 @@ class _Iterated(PoseKeeper):
 
     def reset(self):
         super().reset()
-        self._regression = _FadingLeastSquares(self._n_features, self._n_outputs, self._forgetting, self._ridge)
+        self._regression = FadingLeastSquares(self._n_features, self._n_outputs, self._forgetting, self._ridge)
         self._started = False
         self._weights = None
 
     def _take(self, elapsed, pose, observed):
         before, after = self._reduced(self._pose), self._reduced(pose)
         if self._started:
-            self._regression.learn(self._features(before), after - before)
+            self._regression.learn(self._features(before)[None], (after - before)[None])
         self._started, self._pose, self._weights = True, pose, None
 
     def _ahead(self, horizons):

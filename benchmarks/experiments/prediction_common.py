@@ -1,0 +1,176 @@
+"""What the tables of the prediction bench share: recordings, methods by name, rollouts, pages."""
+import argparse
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from functools import lru_cache, partial
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from style_core import datasets
+from style_core.baselines import (ConstantVelocity, KnownPhase, LinearLeastSquares, NearestHistories, ParticleFilter,
+                                  RadialBasisNetwork, ZeroVelocity)
+from style_core.evaluation import FRAMES_AHEAD, paper_horizons, roll_out
+from style_core.report import Report
+
+SEED = 20120
+OUTPUT = Path(__file__).resolve().parents[2] / 'docs' / 'results' / 'prediction'
+
+#: Matsubara et al. 2012, footnote 3, as far as the recordings are here (08_05, 08_07 are not).
+SEED_TRAINING = ('08_02', '08_03', '08_04', '08_06', '08_08', '35_20', '35_21', '35_22', '02_02', '02_03')
+SEED_TESTS = ('08_01', '08_09', '35_23', '02_01', '16_35')
+#: Three people joined: walk, run, stride (Figure 2 of the paper).
+JOINED = ('02_01', '35_23', '08_09')
+LOCOMOTION = ('walk', 'slow_walk', 'run')
+SUBJECTS = ('02', '07', '08', '09', '16', '35')
+#: Horizons that tables by horizon show, frames at 60 Hz.
+SHOWN_FRAMES = (1, 5, 10, 15, 25)
+CHANNELS = {50: datasets.BODY, 56: ('!root.*',)}
+#: Joints of the limbs in the paper's footnote 4.
+LEFT_ARM = ('lradius.*', 'lwrist.*', 'lhand.*')
+LEFT_LEG = ('lfemur.*', 'ltibia.*', 'lfoot.*', 'ltoes.*')
+
+
+@lru_cache(maxsize=None)
+def recording(name, channels=50):
+    """A trial at 60 Hz with 50 body or all 56 joint channels."""
+    return datasets.trial(name).select(*CHANNELS[channels])
+
+
+def recordings(names, channels=50):
+    """Several trials (see `recording`)."""
+    return [recording(name, channels) for name in names]
+
+
+def paths(names):
+    """Files of trials, for the page's data hash."""
+    return [datasets.trial_path(name) for name in names]
+
+
+def others(subject):
+    """All locomotion trials of everyone but ``subject``."""
+    return tuple(name for person in SUBJECTS if person != subject for name in datasets.trials(LOCOMOTION, person))
+
+
+def own(subject):
+    """All locomotion trials of ``subject``."""
+    return tuple(datasets.trials(LOCOMOTION, subject))
+
+
+def rest_pose(training):
+    """Mean pose of the training recordings, rad, shape (D,)."""
+    return np.concatenate([motion.positions for motion in training]).mean(axis=0)
+
+
+# ------------------------------------------------------------------------------------------------- methods
+
+@lru_cache(maxsize=None)
+def behaviour(training, channels=50, dimension=None):
+    """The paper's model of the trials ``training`` (a tuple of names)."""
+    from style_core.phase_style.training import train
+    motions = recordings(training, channels)
+    return train(motions, name='locomotion', joints=motions[0].joint_names, dimension=dimension)
+
+
+@lru_cache(maxsize=None)
+def full_model(training, channels=50):
+    """The full filter's model of the trials ``training``."""
+    from style_core.phase_style.training import train_full
+    motions = recordings(training, channels)
+    return train_full(motions, joints=motions[0].joint_names)
+
+
+def known_phase(training, test, channels):
+    """The ideal: phases of the whole test recording by the off-line smoother."""
+    from style_core.phase_style import smooth
+    model = behaviour(training, channels, 4)
+    smoothed = smooth(model, test)
+    return KnownPhase(model, test.times, smoothed.phase)
+
+
+def full_predictor(training, channels=50, **options):
+    """The full filter."""
+    from style_core.phase_style import make_predictor
+    return make_predictor(full_model(training, channels), 'full', **options)
+
+
+def paper_predictor(training, channels=50, dimension=4):
+    """The paper's method with J styles."""
+    from style_core.phase_style import make_predictor
+    return make_predictor([behaviour(training, channels, dimension)], 'paper')
+
+
+#: Every method of the bench: label -> function(training names, test Motion, channels) -> OnlinePredictor.
+METHODS = {
+    'zero velocity': lambda training, test, channels:
+        ZeroVelocity(test.joint_names, rest_pose(recordings(training, channels))),
+    'constant velocity': lambda training, test, channels:
+        ConstantVelocity(test.joint_names, rest_pose(recordings(training, channels))),
+    'recursive least squares': lambda training, test, channels:
+        LinearLeastSquares(test.joint_names, rest_pose(recordings(training, channels))),
+    'RBF on 3 PCs, 1000 bases': lambda training, test, channels: RadialBasisNetwork([test]),
+    '5 nearest histories': lambda training, test, channels: NearestHistories(recordings(training, channels)),
+    'particle filter, 10^3': lambda training, test, channels:
+        ParticleFilter(behaviour(training, channels, 4), 1000, seed=SEED),
+    'particle filter, 10^5': lambda training, test, channels:
+        ParticleFilter(behaviour(training, channels, 4), 100000, seed=SEED),
+    **{f'paper, J = {j}': (lambda training, test, channels, j=j: paper_predictor(training, channels, j))
+       for j in (1, 2, 4, 6)},
+    'known phase, J = 4': lambda training, test, channels: known_phase(training, test, channels),
+    'ours': lambda training, test, channels: full_predictor(training, channels),
+}
+
+
+def predictor(method, training, test, channels=50):
+    """Make the predictor ``method`` trained on the trials ``training`` (names)."""
+    return METHODS[method](tuple(training), test, channels)
+
+
+def run(method, training, test, channels=50, observed=None):
+    """Rollout of ``method`` over the Motion ``test`` with the paper's 25 horizons."""
+    return roll_out(predictor(method, training, test, channels), test, paper_horizons(FRAMES_AHEAD), observed=observed)
+
+
+# --------------------------------------------------------------------------------------------------- running
+
+def _single_threaded():
+    from threadpoolctl import threadpool_limits
+    threadpool_limits(1)
+
+
+def parallel(function, jobs, workers=2, title=None):
+    """Map ``function`` over ``jobs`` (tuples) in a few single-threaded processes; results in order.
+
+    Each job is computed by itself, so the results do not depend on ``workers``.
+    """
+    jobs = list(jobs)
+    progress = partial(tqdm, total=len(jobs), desc=title, disable=not sys.stderr.isatty(), file=sys.stderr)
+    if workers <= 1:
+        _single_threaded()
+        return [function(*job) for job in progress(jobs)]
+    with ProcessPoolExecutor(workers, get_context('fork'), initializer=_single_threaded) as pool:
+        return list(progress(pool.map(function, *zip(*jobs))))
+
+
+def page(name, title, data):
+    """A result page of this bench."""
+    table = name.split('_')[0]
+    return Report(f'prediction_{name}', title, f'motion-style bench prediction --table {table}', SEED, data)
+
+
+def parser(description):
+    """Arguments that every table has."""
+    arguments = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments.add_argument('-o', '--output', type=Path, default=OUTPUT, help='folder of the result pages')
+    arguments.add_argument('--workers', type=int, default=2, help='processes (default 2)')
+    return arguments
+
+
+def shown(values):
+    """Values at the horizons that tables show, from values at 1 ... 25 frames."""
+    return [float(values[frame - 1]) for frame in SHOWN_FRAMES]
+
+
+SHOWN_COLUMNS = [f'{frame} fr. ({1000 * frame / 60:.0f} ms)' for frame in SHOWN_FRAMES]
