@@ -7,7 +7,7 @@ import numpy as np
 
 from style_core.errors import MotionError
 
-__all__ = ['Motion', 'concatenate', 'matching_names']
+__all__ = ['Motion', 'concatenate', 'matching_names', 'usual_units']
 
 #: two stamps closer than this are the same instant (far below any recording's step, above float rounding), s
 SAME_INSTANT_S = 1e-7
@@ -102,8 +102,8 @@ class Motion:
         """Frames a second, from the median step (gaps do not lower it); NaN for a single frame."""
         if self.n_frames == 1:
             return float('nan')
-        # nine digits: the stamps' own rounding must not turn 120 Hz into 119.9999999999
-        return float(f'{1.0 / np.median(np.diff(self.times)):.9g}')
+        # seven digits: stamps in whole nanoseconds must not turn 120 Hz into 120.0000048
+        return float(f'{1.0 / np.median(np.diff(self.times)):.7g}')
 
     def replace(self, **changes):
         """Return a copy with some fields changed (checked again)."""
@@ -284,6 +284,11 @@ def matching_names(names, patterns):
     if not kept:
         raise MotionError(f'the patterns {", ".join(patterns)} leave no joint')
     return kept
+
+
+def usual_units(names):
+    """Units of channels from their names: m for ``root.tx`` and the like, rad for all others (tuple of str)."""
+    return tuple('m' if name.endswith(('.tx', '.ty', '.tz')) else 'rad' for name in names)
 
 
 def concatenate(motions, name=''):

@@ -112,7 +112,7 @@ class Skeleton:
         low, high : ndarray, shape (D,)
             Rad or m; infinite where the file gives none.
         """
-        self._check(joint_names)
+        self.check_channels(joint_names)
         low, high = dict.fromkeys(self.channel_names, -np.inf), dict.fromkeys(self.channel_names, np.inf)
         for channel in (channel for body in self.bodies for channel in body.channels):
             low[channel.name] = max(low[channel.name], channel.low)
@@ -142,7 +142,7 @@ class Skeleton:
 
     def poses(self, motion):
         """Positions, shape (T, B, 3), and rotation matrices, shape (T, B, 3, 3); see `forward`."""
-        self._check(motion.joint_names)
+        self.check_channels(motion.joint_names)
         column = {name: index for index, name in enumerate(motion.joint_names)}
         count = motion.n_frames
         positions = np.empty((count, len(self.bodies), 3))
@@ -188,15 +188,26 @@ class Skeleton:
                 axes.setdefault(channel.name, (channel.kind, frame @ np.array(channel.axis) * np.sign(channel.scale)))
         return axes
 
-    def _check(self, joint_names):
+    def check_channels(self, joint_names):
+        """Raise MotionError if the skeleton lacks one of the channels."""
         unknown = [name for name in joint_names if name not in set(self.channel_names)]
         if unknown:
             raise MotionError(f'skeleton {self.name!r} has no channel {", ".join(unknown[:5])}; it has '
                               f'{", ".join(self.channel_names[:8])}{" ..." if len(self.channel_names) > 8 else ""}')
 
 
-def read_skeleton(path):
+def read_skeleton(path, length_m=None):
     """Read a skeleton from an ``.asf``, ``.bvh`` or ``.urdf`` file.
+
+    Parameters
+    ----------
+    path : path-like
+    length_m : float, optional
+        Length unit of a BVH file, which does not say (0.01 where left out).
+
+    Returns
+    -------
+    Skeleton
 
     Raises
     ------
@@ -207,7 +218,12 @@ def read_skeleton(path):
     suffix = path.suffix.lower()
     if suffix not in _READERS:
         raise MotionError(f'{path}: skeletons are read from {", ".join(_READERS)} files, not {suffix!r}')
-    return importlib.import_module(_READERS[suffix]).read_skeleton(path)
+    reader = importlib.import_module(_READERS[suffix]).read_skeleton
+    if length_m is None:
+        return reader(path)
+    if suffix != '.bvh':
+        raise MotionError(f'{path}: a length unit can be given for BVH files only, {suffix} files say it themselves')
+    return reader(path, length_m)
 
 
 def euler_matrix(angles, order):

@@ -3,6 +3,7 @@ import argparse
 import importlib
 import os
 import sys
+import warnings
 
 from style_core import __version__
 from style_core.cli.registry import COMMANDS, KIND_COMMANDS
@@ -31,7 +32,9 @@ def main(argv=None):
                 sub.description = module.__doc__
                 module.add_arguments(sub, argv[argv.index(called) + 1:])
         args = parser.parse_args(argv)
-        status = module.run(args) or 0
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_: print(f'motion-style {called}: {message}', file=sys.stderr)
+            status = module.run(args) or 0
         sys.stdout.flush()
         return status
     except UsageError as error:

@@ -1,28 +1,42 @@
 """Readers and writers of motion files, one module a format, chosen by the file's suffix."""
 import importlib
+from functools import lru_cache
 from pathlib import Path
 
 from style_core.errors import MotionError
 
-__all__ = ['FORMATS', 'read_motion', 'write_motion']
+__all__ = ['FORMATS', 'read_motion', 'write_motion', 'skeleton_of']
 
 #: suffix -> module with ``read(path, **options) -> Motion``, ``write(motion, path, **options)`` and the names of
 #: both functions' options in ``READ_OPTIONS`` and ``WRITE_OPTIONS``
 FORMATS = {
     '.amc': 'style_core.formats.amc',
+    '.bvh': 'style_core.formats.bvh',
+    '.csv': 'style_core.formats.csv',
+    '.npz': 'style_core.formats.npz',
+    '.mcap': 'style_core.formats.bag',
+    '.db3': 'style_core.formats.bag',
+    '': 'style_core.formats.bag',  # a folder
 }
 
 
-def read_motion(path, skeleton=None, **options):
+def read_motion(path, skeleton=None, start_s=None, stop_s=None, **options):
     """Read a motion file of any known format.
 
     Parameters
     ----------
     path : path-like
+        An ``.amc``, ``.bvh``, ``.csv`` or ``.npz`` file, or a bag: its folder, or a ``.mcap`` or ``.db3`` file.
     skeleton : Skeleton, optional
-        For formats that do not describe their joints (AMC).
+        For formats that do not describe their joints (AMC); the ``.asf`` file beside it where left out.
+    start_s, stop_s : float, optional
+        Read only the frames with ``start_s <= time < stop_s``.
     rate_hz : float, optional
-        The recording's rate, for formats that do not say (AMC: 120).
+        The recording's rate, for AMC files, which do not say (120 where left out).
+    length_m : float, optional
+        Length unit of BVH files, which do not say (0.01 where left out).
+    topic : str, optional
+        Topic of a bag.
 
     Returns
     -------
@@ -31,19 +45,32 @@ def read_motion(path, skeleton=None, **options):
     Raises
     ------
     MotionError
-        If the file is absent, damaged or of an unknown format.
+        If the file is absent, damaged or of an unknown format, or an option means nothing for it.
     """
     path = Path(path)
     module = _module(path)
-    given = {key: value for key, value in dict(options, skeleton=skeleton).items() if value is not None}
-    unfit = sorted(set(given) - set(module.READ_OPTIONS) - {'skeleton'})
-    if unfit:
-        raise MotionError(f'{path}: {", ".join(unfit)} means nothing for a {path.suffix} file')
-    return module.read(path, **{key: value for key, value in given.items() if key in module.READ_OPTIONS})
+    options = _fitting(path, module.READ_OPTIONS, dict(options, skeleton=skeleton))
+    if 'start_s' in module.READ_OPTIONS:
+        return module.read(path, start_s=start_s, stop_s=stop_s, **options)
+    motion = module.read(path, **options)
+    return motion if start_s is None and stop_s is None else motion.slice(start_s, stop_s)
 
 
 def write_motion(motion, path, skeleton=None, **options):
-    """Write a motion file; the suffix says which format. An existing file is replaced only by a complete new one.
+    """Write a motion file; the suffix says which format, none means a bag.
+
+    An existing file is replaced only by a complete new one.
+
+    Parameters
+    ----------
+    motion : Motion
+    path : path-like
+    skeleton : Skeleton, optional
+        For BVH, and for AMC of a skeleton other than CMU's.
+    length_m : float, optional
+        Length unit of a BVH file (0.01 where left out).
+    topic, storage : str, optional
+        Of a bag: its topic and ``'sqlite3'`` or ``'mcap'``.
 
     Raises
     ------
@@ -52,15 +79,47 @@ def write_motion(motion, path, skeleton=None, **options):
     """
     path = Path(path)
     module = _module(path)
-    given = {key: value for key, value in dict(options, skeleton=skeleton).items() if value is not None}
-    unfit = sorted(set(given) - set(module.WRITE_OPTIONS) - {'skeleton'})
-    if unfit:
-        raise MotionError(f'{path}: {", ".join(unfit)} means nothing for a {path.suffix} file')
-    module.write(motion, path, **{key: value for key, value in given.items() if key in module.WRITE_OPTIONS})
+    module.write(motion, path, **_fitting(path, module.WRITE_OPTIONS, dict(options, skeleton=skeleton)))
+
+
+def skeleton_of(path, length_m=None):
+    """Skeleton that belongs to a motion file: in it (BVH) or beside it (AMC); None where there is none.
+
+    Beside ``08_01.amc`` it is ``08_01.asf`` or ``08.asf``, or the only ``.asf`` file of the folder. ``length_m`` is
+    the length unit of a BVH file (0.01 where left out).
+    """
+    path = Path(path)
+    if path.suffix.lower() == '.bvh' and path.is_file():
+        return _read_skeleton(path, path.stat().st_mtime_ns, length_m)
+    if path.suffix.lower() == '.amc':
+        beside = {file.stem: file for file in path.parent.glob('*.[aA][sS][fF]')}
+        for stem in (path.stem, path.stem.split('_')[0], next(iter(beside)) if len(beside) == 1 else None):
+            if stem in beside:
+                return _read_skeleton(beside[stem], beside[stem].stat().st_mtime_ns)
+    return None
+
+
+@lru_cache(maxsize=16)
+def _read_skeleton(path, modified_ns, length_m=None):
+    """A folder of recordings shares one skeleton file, which is read once."""
+    from style_core.skeleton import read_skeleton
+    return read_skeleton(path, length_m)
 
 
 def _module(path):
     suffix = path.suffix.lower()
+    if path.is_dir():
+        suffix = ''
     if suffix not in FORMATS:
-        raise MotionError(f'{path}: no format has the suffix {suffix!r}; known are {", ".join(sorted(FORMATS))}')
+        known = ', '.join(sorted(filter(None, FORMATS)))
+        raise MotionError(f'{path}: no format has the suffix {suffix!r}; known are {known}, and folders as bags')
     return importlib.import_module(FORMATS[suffix])
+
+
+def _fitting(path, names, options):
+    """The options that are given; the skeleton is dropped where a format has no use for it, others are refused."""
+    given = {key: value for key, value in options.items() if value is not None}
+    unfit = sorted(set(given) - set(names) - {'skeleton'})
+    if unfit:
+        raise MotionError(f'{path}: {", ".join(unfit)} means nothing for {path.suffix or "a bag"}')
+    return {key: value for key, value in given.items() if key in names}

@@ -4,8 +4,9 @@ import re
 import numpy as np
 
 from style_core.errors import MotionError
+from style_core.formats import skeleton_of
 from style_core.formats.files import read_text, replacing
-from style_core.motion import Motion
+from style_core.motion import Motion, usual_units
 
 __all__ = ['read', 'write', 'CMU_DOFS', 'CMU_LENGTH_M', 'DEFAULT_RATE_HZ']
 
@@ -17,6 +18,9 @@ DEFAULT_RATE_HZ = 120.0
 
 #: one length unit of the CMU skeletons in metres: inches times their scale of 0.45
 CMU_LENGTH_M = 2.54 / 100 / 0.45
+
+_FRAME = re.compile(r'[0-9]{1,15}$')
+_NUMBER = re.compile(r'[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$')
 
 #: degrees of freedom that the CMU skeletons share, used where no skeleton file is at hand
 CMU_DOFS = {
@@ -36,8 +40,8 @@ def read(path, skeleton=None, rate_hz=None):
     ----------
     path : path-like
     skeleton : Skeleton, optional
-        Says which degrees of freedom a joint has and how long a length unit is; the CMU skeletons' common layout
-        where left out.
+        Says which degrees of freedom a joint has and how long a length unit is; the ``.asf`` file beside it where
+        left out, and without one the common layout of the CMU skeletons.
     rate_hz : float, optional
         120 where left out: the file does not say.
 
@@ -55,6 +59,8 @@ def read(path, skeleton=None, rate_hz=None):
     rate_hz = DEFAULT_RATE_HZ if rate_hz is None else float(rate_hz)
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise MotionError(f'{path}: the rate must be a positive number of Hz, got {rate_hz}')
+    if skeleton is None:
+        skeleton = skeleton_of(path)
     dofs, length_m = (CMU_DOFS, CMU_LENGTH_M) if skeleton is None else (skeleton.dofs, skeleton.length_m)
     lines = read_text(path).splitlines()
     first, degrees = _header(path, lines)
@@ -63,7 +69,7 @@ def read(path, skeleton=None, rate_hz=None):
     except ValueError:
         joints, values = _read_line_by_line(path, lines, first, dofs)
     names = [f'{joint}.{dof}' for joint in joints for dof in dofs[joint]]
-    units = ['m' if name.rpartition('.')[2][0] == 't' else 'rad' for name in names]
+    units = usual_units(names)
     angle = np.pi / 180 if degrees else 1.0
     scale = np.array([length_m if unit == 'm' else angle for unit in units])
     return Motion(names, values * scale, np.arange(len(values)) / rate_hz, units, name=path.stem)
@@ -111,7 +117,7 @@ def _header(path, lines):
         if word.upper() in (':DEGREES', ':RADIANS'):
             degrees = word.upper() == ':DEGREES'
         elif word and word[0] not in '#:':
-            if not word.isdigit():
+            if not _FRAME.match(word):
                 raise MotionError(f'{path}: line {index + 1} should be a frame number, found {word[:40]!r}; '
                                   f'is this an AMC file?')
             return index, degrees
@@ -123,7 +129,7 @@ def _read_regular(lines, dofs):
     joints = []
     for line in lines[1:]:
         joint = line.split(' ', 1)[0]
-        if joint.strip().isdigit():
+        if _FRAME.match(joint.strip()):
             break
         joints.append(joint)
     tokens = ' '.join(lines).split()
@@ -141,15 +147,12 @@ def _read_regular(lines, dofs):
         for offset in range(1, 1 + len(dofs[joint])):
             columns.append(np.array(list(map(float, tokens[at + offset::width]))))
         at += 1 + len(dofs[joint])
-    # a value per token: float() would also take 1_0 and nan, which no AMC file means
     values = np.column_stack(columns)
+    # float() also takes nan and 1_0, which no AMC file means
     if not np.isfinite(values).all() or len(lines) < count * (1 + len(joints)) or '_' in ''.join(
             token for token in tokens if token[0] in '+-.0123456789'):
         raise ValueError('not regular')
     return joints, values
-
-
-_NUMBER = re.compile(r'[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$')
 
 
 def _read_line_by_line(path, lines, first, dofs):
@@ -161,7 +164,7 @@ def _read_line_by_line(path, lines, first, dofs):
         if not words:
             continue
         where = f'{path}: line {index + 1}'
-        if len(words) == 1 and words[0].isdigit():
+        if len(words) == 1 and _FRAME.match(words[0]):
             if number is not None and int(words[0]) != number + 1:
                 problem = 'comes again' if int(words[0]) <= number else f'follows {number}: frames are missing'
                 raise MotionError(f'{where}: frame number {words[0]} {problem}')

@@ -4,7 +4,7 @@ import re
 import numpy as np
 
 from style_core.errors import MotionError
-from style_core.formats.files import read_text
+from style_core.formats.files import number, read_text
 from style_core.skeleton import Body, Channel, Skeleton, euler_matrix
 
 __all__ = ['read_skeleton']
@@ -64,17 +64,17 @@ def read_skeleton(path):
 def _sections(path, text):
     """Section name -> list of (line number, words)."""
     sections, current = {}, None
-    for number, line in enumerate(text.splitlines(), 1):
+    for line_number, line in enumerate(text.splitlines(), 1):
         line = line.split('#', 1)[0].strip()
         if line.startswith(':'):
             name, *rest = line[1:].split() or ['']
             if name.lower() in sections and name.lower() != 'name':
-                raise MotionError(f'{path}: line {number}: section :{name} comes twice')
+                raise MotionError(f'{path}: line {line_number}: section :{name} comes twice')
             current = sections.setdefault(name.lower(), [])
             if rest:
-                current.append((number, rest))
+                current.append((line_number, rest))
         elif line and current is not None:
-            current.append((number, line.split()))
+            current.append((line_number, line.split()))
     return sections
 
 
@@ -171,7 +171,7 @@ def _order(path, line, words):
 
 def _numbers(path, line, words, count):
     try:
-        numbers = [float(word) for word in words]
+        numbers = [number(word) for word in words]
     except ValueError:
         numbers = []
     if len(numbers) != count or not np.isfinite(numbers).all():

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from style_core.errors import MotionError
 
-__all__ = ['read_text', 'replacing']
+__all__ = ['read_text', 'number', 'replacing']
 
 
 def read_text(path):
@@ -24,6 +24,13 @@ def read_text(path):
         raise MotionError(f'{path} is empty')
     # comments may be in any old encoding; names and numbers are ASCII
     return data.decode('utf-8-sig', errors='replace')
+
+
+def number(word):
+    """Float of a word; ValueError also for what only Python takes for a number (``1_0``, digits of other scripts)."""
+    if '_' in word or not word.isascii():
+        raise ValueError(f'could not convert string to float: {word!r}')
+    return float(word)
 
 
 @contextlib.contextmanager

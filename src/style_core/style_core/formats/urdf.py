@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 
 from style_core.errors import MotionError
-from style_core.formats.files import read_text
+from style_core.formats.files import number, read_text
 from style_core.skeleton import Body, Channel, Skeleton, euler_matrix
 
 __all__ = ['read_skeleton']
@@ -114,9 +114,9 @@ def _vector(path, name, element, key, default):
 
 def _number(path, name, word):
     try:
-        number = float(word)
+        value = number(word)
     except ValueError:
-        number = np.nan
-    if not np.isfinite(number):
+        value = np.nan
+    if not np.isfinite(value):
         raise MotionError(f'{path}: joint {name}: {word[:40]!r} is not a finite number')
-    return number
+    return value

@@ -1,0 +1,73 @@
+"""Convert a recording to another format.
+
+The suffix says the format: .amc .bvh .csv .npz .mcap; a name without suffix is a ROS 2 bag (a folder).
+
+  motion-style convert walk.amc walk.csv                  angles in radians, lengths in metres
+  motion-style convert walk.amc walk.bvh                  with the skeleton from the .asf file beside it
+  motion-style convert walk.amc walk_bag --rate 100       a bag of joint states at 100 Hz
+  motion-style convert my_bag legs.csv --select '*leg*' --select '!*toe*' --start 10 --stop 20
+  motion-style convert walk.csv walk.bvh --skeleton walk.asf
+  motion-style convert walk.amc mirrored.amc --mirror
+
+What a format cannot hold is refused with the reason (missing values in BVH or AMC, for example); an existing file is
+replaced only by a complete new one.
+"""
+import numpy as np
+
+from style_core.angles import continuous
+from style_core.formats import read_motion, skeleton_of, write_motion
+from style_core.skeleton import read_skeleton
+
+__all__ = ['add_arguments', 'run']
+
+
+def add_arguments(parser, argv):
+    """IN, OUT and what to do in between."""
+    parser.add_argument('input', metavar='IN', help='file, or folder of a bag')
+    parser.add_argument('output', metavar='OUT', help='file, or folder of a bag')
+    parser.add_argument('--rate', type=float, metavar='HZ', help='resample; never beyond the last frame or over gaps')
+    parser.add_argument('--select', action='append', default=[], metavar='PATTERN',
+                        help="joints to keep, e.g. 'l*.rx'; '!PATTERN' leaves out; may be given several times")
+    parser.add_argument('--start', type=float, metavar='S', help='leave out what is before this time (s)')
+    parser.add_argument('--stop', type=float, metavar='S', help='leave out what is from this time on (s)')
+    parser.add_argument('--mirror', action='store_true', help='exchange left and right')
+    parser.add_argument('--continuous', action='store_true',
+                        help='unwrap angles and choose among equivalent Euler triples so that nothing jumps')
+    parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf file; the one that belongs to IN if '
+                                                           'left out')
+    parser.add_argument('--input-rate', type=float, metavar='HZ', help='rate of an AMC file (120 if left out)')
+    parser.add_argument('--length-unit', type=float, metavar='M',
+                        help='length unit of BVH files in metres (0.01 if left out)')
+    parser.add_argument('--topic', metavar='T', help='topic of a bag (/joint_states if left out)')
+    parser.add_argument('--storage', choices=('sqlite3', 'mcap'), help='of a bag (sqlite3 if left out)')
+
+
+def run(args):
+    """Read, change, write."""
+    if args.skeleton:
+        skeleton = read_skeleton(args.skeleton, args.length_unit if args.skeleton.lower().endswith('.bvh') else None)
+    else:
+        skeleton = skeleton_of(args.input, args.length_unit)
+    motion = read_motion(args.input, skeleton, args.start, args.stop, rate_hz=args.input_rate,
+                         **_where(args.input, args))
+    if args.continuous:
+        motion = continuous(motion, skeleton.orders if skeleton is not None else None)
+    if args.mirror:
+        motion = motion.mirror(skeleton)
+    if args.select:
+        motion = motion.select(*args.select)
+    if args.rate is not None:
+        motion = motion.resample(args.rate)
+    write_motion(motion, args.output, skeleton, storage=args.storage, **_where(args.output, args))
+    missing = int(np.isnan(motion.positions).sum())
+    print(f'{args.output}: {motion.n_frames} frames, {motion.n_joints} joints, {motion.rate_hz:g} Hz, '
+          f'{motion.duration_s:.6g} s' + (f', {missing} values missing' if missing else ''))
+
+
+def _where(path, args):
+    """Options that concern one side only."""
+    if path.lower().endswith('.bvh'):
+        return {'length_m': args.length_unit}
+    if path.lower().endswith(('.amc', '.csv', '.npz')):
+        return {}
+    return {'topic': args.topic}

@@ -1,0 +1,48 @@
+"""NumPy archives (``.npz``): a motion exactly as it is, never pickled."""
+import numpy as np
+
+from style_core.errors import MotionError
+from style_core.formats.files import replacing
+from style_core.motion import Motion
+
+__all__ = ['read', 'write']
+
+READ_OPTIONS = ()
+WRITE_OPTIONS = ()
+
+_FIELDS = ('joint_names', 'positions', 'times', 'units', 'name', 'epoch_ns')
+
+
+def read(path):
+    """Read a motion that `write` wrote; any archive with ``joint_names``, ``positions`` and ``times`` will do."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            fields = {key: archive[key] for key in _FIELDS if key in archive.files}
+    except FileNotFoundError:
+        raise MotionError(f'{path} does not exist') from None
+    except IsADirectoryError:
+        raise MotionError(f'{path} is a folder') from None
+    except Exception as error:  # a damaged archive makes NumPy, zipfile, zlib and the tokenizer fail in any way
+        raise MotionError(f'{path} is not a readable NumPy archive (damaged or truncated?): {error}') from None
+    absent = [key for key in _FIELDS[:3] if key not in fields]
+    if absent:
+        raise MotionError(f'{path} is no motion: it lacks {", ".join(absent)}')
+    for key, kinds in zip(_FIELDS, ('U', 'fiu', 'fiu', 'U', 'U', 'iu')):
+        if key in fields and fields[key].dtype.kind not in kinds:
+            raise MotionError(f'{path}: {key} has the wrong type {fields[key].dtype}')
+    if fields['joint_names'].ndim != 1 or np.ndim(fields.get('units', [])) != 1:
+        raise MotionError(f'{path}: joint_names and units must be lists')
+    for key in ('name', 'epoch_ns'):
+        if np.size(fields.get(key, 0)) != 1:
+            raise MotionError(f'{path}: {key} must be a single value')
+    return Motion(fields['joint_names'].tolist(), fields['positions'], fields['times'],
+                  fields['units'].tolist() if 'units' in fields else None,
+                  str(np.ravel(fields.get('name', path.stem))[0]), int(np.ravel(fields.get('epoch_ns', 0))[0]))
+
+
+def write(motion, path):
+    """Write a motion."""
+    with replacing(path, 'wb') as stream:
+        np.savez_compressed(stream, joint_names=np.array(motion.joint_names), positions=motion.positions,
+                            times=motion.times, units=np.array(motion.units), name=np.array(motion.name),
+                            epoch_ns=np.array(motion.epoch_ns, dtype=np.int64))
