@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
-
 from style_core.errors import ModelError
 from style_core.hmm import Hmm, check_hmm, em_step, filter_step, log_density, moments, occupancy, viterbi
 
