@@ -53,18 +53,29 @@ class Coordinates:
         """Coordinate changes a frame (..., D) to rad/s (..., D)."""
         return rates @ (self.basis.T / self.weights) * self.rate_hz
 
-    def fit(self, motion):
+    def fit(self, motion, absent='refuse'):
         """The motion with this model's joints in this model's order at this model's rate.
+
+        Parameters
+        ----------
+        motion : Motion
+        absent : {'refuse', 'nan'}
+            What to do about joints the motion lacks: refuse it, or count them as missing.
 
         Raises
         ------
         ModelError
-            If joints are missing; a joint without any value is left NaN.
+            If joints are absent, or units differ.
         """
-        absent = sorted(set(self.joint_names) - set(motion.joint_names))
-        if absent:
-            raise ModelError(f'{motion.name or "the motion"} lacks {len(absent)} of the model\'s {len(self.joint_names)} '
-                             f'joints: {", ".join(absent[:5])}')
+        lacking = [name for name in self.joint_names if name not in motion.joint_names]
+        if lacking and (absent == 'refuse' or len(lacking) == len(self.joint_names)):
+            raise ModelError(f"{motion.name or 'the motion'} lacks {len(lacking)} of the model's "
+                             f"{len(self.joint_names)} joints: {', '.join(lacking[:5])}")
+        if lacking:
+            units = dict(zip(self.joint_names, self.units))
+            motion = motion.replace(
+                joint_names=(*motion.joint_names, *lacking), units=(*motion.units, *(units[name] for name in lacking)),
+                positions=np.concatenate([motion.positions, np.full((motion.n_frames, len(lacking)), np.nan)], axis=1))
         motion = motion.joints(self.joint_names)
         if motion.units != self.units:
             raise ModelError(f'{motion.name or "the motion"} has other units than the model')

@@ -26,6 +26,7 @@ from style_core.style_machine import entropic
 __all__ = ['Settings', 'Family', 'Trained', 'train', 'initial_family']
 
 _CHECKPOINT_EVERY_S = 5.0
+_HINT_DIMENSIONS = 3
 
 
 @dataclass(frozen=True)
@@ -126,6 +127,8 @@ class Trained:
     ----------
     family : Family
     gammas : list of ndarray, shape (T_s, N)
+    counts : list of ndarray, shape (N, N)
+        Expected transitions.
     paths : list of ndarray of int, shape (T_s,)
         Most probable states of each sequence.
     history : list of dict
@@ -135,6 +138,7 @@ class Trained:
 
     family: Family
     gammas: list
+    counts: list
     paths: list
     history: list
 
@@ -266,8 +270,9 @@ class _Problem:
         return family, found, removed
 
 
-def initial_family(sequences, settings, n_styles):
+def initial_family(sequences, settings, styles):
     """Initial models (4.2): transitions declining off the diagonal, Gaussians on frames or from a low-dimensional HMM."""
+    n_styles = max(styles) + 1
     rng = np.random.default_rng(settings.seed)
     whole = np.concatenate([x[~np.isnan(x).any(axis=1)] for x in sequences])
     if not len(whole):
@@ -284,61 +289,67 @@ def initial_family(sequences, settings, n_styles):
         means = whole[rng.integers(len(whole), size=n)]
     else:
         means = whole[np.linspace(0, len(whole) - 1, n).astype(int)]
-    if settings.init == 'hint':
-        low = min(3, d)
-        hint = _low_dimensional_hmm([x[:, :low] for x in sequences], n, noise, rng)
-        total = None
-        for x in sequences:
-            found = occupancy(log_density(x[:, :low], hint.means, hint.covs), hint.start, hint.trans)
-            rows = ~np.isnan(x).any(axis=1)
-            part = moments(x[rows], found.gamma[rows])
-            total = part if total is None else total + part
-        means = (total.total + whole.mean(axis=0)) / (total.weight + 1)[:, None]
-        cov = (total.scatter(means) + cov * 2) / (total.weight + 2)[:, None, None]
-        trans = 0.9 * hint.trans + 0.1 / n
-        start = 0.5 * hint.start + 0.5 / n
-    return Family(start, trans, means, cov, np.tile(means, (n_styles, 1, 1)), np.tile(cov, (n_styles, 1, 1, 1)))
+    family = Family(start, trans, means, cov, np.tile(means, (n_styles, 1, 1)), np.tile(cov, (n_styles, 1, 1, 1)))
+    return _hinted(family, sequences, settings, styles, rng) if settings.init == 'hint' else family
 
 
-def _low_dimensional_hmm(sequences, n, noise, rng):
-    """An HMM of all sequences pooled in the first few coordinates and their changes: where in the motion, which way."""
+def _hinted(family, sequences, settings, styles, rng):
+    """Read Gaussians and transitions off a low-dimensional HMM of all sequences.
+
+    It sees the first coordinates and their changes, each style scaled to the same spread: where in its own range a
+    motion is and which way it goes, which is what the styles have in common.
+    """
+    low = min(_HINT_DIMENSIONS, sequences[0].shape[1])
     extended = []
     for x in sequences:
-        change = np.gradient(x, axis=0) if len(x) > 1 else np.zeros_like(x)
-        extended.append(np.concatenate([x, change], axis=1))
-    whole = np.concatenate(extended)
-    whole = whole[~np.isnan(whole).any(axis=1)]
-    if not len(whole):
-        whole = np.zeros((1, 2 * sequences[0].shape[1]))
-    d = sequences[0].shape[1]
-    scale = np.sqrt((whole ** 2).mean(axis=0) + 1e-300)
-    speed = np.sqrt((whole[:, d:] ** 2).mean() + 1e-300)
-    scale[:d], scale[d:] = np.sqrt((whole[:, :d] ** 2).mean() + 1e-300), speed
-    points = whole / scale
-    # k-means++ seeds, Lloyd's iterations: states that several sequences share wherever they pass the same place
+        change = np.gradient(x[:, :low], axis=0) if len(x) > 1 else np.zeros((len(x), low))
+        extended.append(np.concatenate([x[:, :low], change], axis=1))
+    for s in range(max(styles) + 1):
+        own = np.concatenate([x for x, style in zip(extended, styles) if style == s])
+        spread = np.sqrt([np.nanmean(np.append(own[:, part] ** 2, 1e-12)) for part in (slice(low), slice(low, None))])
+        for x, style in zip(extended, styles):
+            if style == s:
+                x /= np.repeat(spread, low)
+    hint = _shared_hmm(extended, family.n_states, rng)
+    parts = [None] * (max(styles) + 1)
+    for x, seen, s in zip(sequences, extended, styles):
+        found = occupancy(log_density(seen, hint.means, hint.covs), hint.start, hint.trans)
+        rows = ~np.isnan(x).any(axis=1)
+        part = moments(x[rows], found.gamma[rows])
+        parts[s] = part if parts[s] is None else parts[s] + part
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+    means, covs = entropic.specific_map(total, np.zeros_like(family.means), family.covs, 1.0, 0.0)
+    specific = [entropic.specific_map(part, means, covs, 1.0, 0.0) for part in parts]
+    n = family.n_states
+    return Family(0.5 * hint.start + 0.5 / n, 0.95 * hint.trans + 0.05 / n, means, covs,
+                  np.stack([one[0] for one in specific]), np.stack([one[1] for one in specific]))
+
+
+def _shared_hmm(sequences, n, rng):
+    """An HMM whose centres start from k-means over all sequences: they share a state where they pass the same place."""
+    points = np.concatenate(sequences)
+    points = points[~np.isnan(points).any(axis=1)]
     chosen = [points[int(rng.integers(len(points)))]]
     nearest = ((points - chosen[0]) ** 2).sum(axis=1)
     while len(chosen) < n:
         total = nearest.sum()
-        pick = int(np.searchsorted(np.cumsum(nearest), rng.random() * total)) if total > 0 else len(chosen) % len(points)
-        chosen.append(points[min(pick, len(points) - 1)])
+        pick = int(np.searchsorted(np.cumsum(nearest), rng.random() * total)) if total > 0 else len(chosen)
+        chosen.append(points[pick % len(points)])
         nearest = np.minimum(nearest, ((points - chosen[-1]) ** 2).sum(axis=1))
     centres = np.array(chosen)
     for _ in range(10):
-        label = _nearest(points, centres)
+        label = np.argmin((centres ** 2).sum(axis=1) - 2 * points @ centres.T, axis=1)
         for k in range(n):
             if (label == k).any():
                 centres[k] = points[label == k].mean(axis=0)
-    centres = centres * scale
-    spread = np.diag(scale ** 2) * n ** (-2.0 / min(2 * d, 3))
-    model = Hmm(np.full(n, 1.0 / n), np.full((n, n), 0.5 / n) + 0.5 * np.eye(n), centres, np.tile(spread, (n, 1, 1)))
+    d = points.shape[1]
+    model = Hmm(np.full(n, 1.0 / n), np.full((n, n), 0.5 / n) + 0.5 * np.eye(n), centres,
+                np.tile(np.eye(d) * n ** (-2.0 / min(d, 3)), (n, 1, 1)))
     for _ in range(8):
-        model, _ = em_step(model, extended, floor=1e-3 * float(np.diag(spread).min()) + 1e-2 * noise)
-    return Hmm(model.start, model.trans, model.means[:, :d], model.covs[:, :d, :d])
-
-
-def _nearest(points, centres):
-    return np.argmin((centres ** 2).sum(axis=1) - 2 * points @ centres.T, axis=1)
+        model, _ = em_step(model, sequences, floor=0.05 * n ** (-2.0 / min(d, 3)))
+    return model
 
 
 def train(sequences, settings, styles=None, checkpoint=None, progress=None, family=None):
@@ -376,7 +387,7 @@ def train(sequences, settings, styles=None, checkpoint=None, progress=None, fami
     fingerprint = _fingerprint(sequences, styles, settings)
     state = _load_checkpoint(checkpoint, fingerprint)
     if state is None:
-        family = initial_family(sequences, settings, problem.n_styles) if family is None else family
+        family = initial_family(sequences, settings, styles) if family is None else family
         state = _Run(family, 'anneal' if settings.anneal else 'settle', 0, 0, ())
     found = problem.expect(state.family)
     saved = time.monotonic()
@@ -394,7 +405,7 @@ def train(sequences, settings, styles=None, checkpoint=None, progress=None, fami
     for x, s, common in zip(sequences, styles, generic):
         own = log_density(x, state.family.specific_means[s], state.family.specific_covs[s])
         paths.append(viterbi(0.5 * (own + common), state.family.start, state.family.trans)[0])
-    return Trained(state.family, [one.gamma for one in found], paths, list(state.history))
+    return Trained(state.family, [one.gamma for one in found], [one.counts for one in found], paths, list(state.history))
 
 
 @dataclass(frozen=True, eq=False)
