@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import lambertw
+
 from style_core.hmm import moments
 from style_core.style_machine.entropic import (
     gaussian_divergence,

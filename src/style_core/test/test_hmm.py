@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
+
 from style_core.errors import ModelError
 from style_core.hmm import Hmm, check_hmm, em_step, filter_step, log_density, moments, occupancy, viterbi
 
@@ -25,14 +26,14 @@ def enumerate_paths(log_b, start, trans):
     n_frames, n = log_b.shape
     paths = list(itertools.product(range(n), repeat=n_frames))
     with np.errstate(divide='ignore'):
-        scores = np.array([np.log(start[p[0]]) + sum(np.log(trans[a, b]) for a, b in zip(p[:-1], p[1:]))
+        scores = np.array([np.log(start[p[0]]) + sum(np.log(trans[a, b]) for a, b in itertools.pairwise(p))
                            + sum(log_b[t, s] for t, s in enumerate(p)) for p in paths])
     likelihood = scores.max() + np.log(np.exp(scores - scores.max()).sum())
     gamma, counts = np.zeros((n_frames, n)), np.zeros((n, n))
     for path, weight in zip(paths, np.exp(scores - likelihood)):
         for t, s in enumerate(path):
             gamma[t, s] += weight
-        for a, b in zip(path[:-1], path[1:]):
+        for a, b in itertools.pairwise(path):
             counts[a, b] += weight
     return gamma, counts, likelihood, paths[int(np.argmax(scores))], scores.max()
 
@@ -146,7 +147,8 @@ def test_em_recovers_a_model():
         states.append(rng.choice(3, p=trans[states[-1]]))
     x = means[states] + rng.standard_normal((5001, 2)) * 0.7
     x[rng.random(x.shape) < 0.1] = np.nan
-    model = Hmm(np.ones(3) / 3, np.full((3, 3), 1 / 3), means + rng.standard_normal((3, 2)), np.tile(np.eye(2), (3, 1, 1)))
+    model = Hmm(np.ones(3) / 3, np.full((3, 3), 1 / 3), means + rng.standard_normal((3, 2)),
+                np.tile(np.eye(2), (3, 1, 1)))
     for _ in range(30):
         model, _ = em_step(model, [x])
     np.testing.assert_allclose(model.means, means, atol=0.08)

@@ -1,5 +1,5 @@
 """Style coordinates and content of a new recording (Brand and Hertzmann 2000, 4.4)."""
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Tuple
 
 import numpy as np
@@ -128,8 +128,7 @@ def analyze(machine, motion):
     candidates = [(common_means, common_covs)]
     for v in machine.styles.values():
         style = machine.at(v)
-        candidates.append(gaussians(em.Emission(generic.pose, style.positions, style.velocities, style.covs, style.tails,
-                                                style.dwell)))
+        candidates.append(gaussians(replace(style, pose=generic.pose)))
     scored = []
     for means, covs in candidates:
         density = 0.5 * (common + log_density(data, means, covs))
@@ -196,5 +195,5 @@ def _doubts(machine, v, distance, likelihood, incomplete):
         known = np.array(list(machine.likelihoods.values()))
         least = known.min() - _UNLIKELY * max(float(known.std()), 0.5)
         if likelihood < least:
-            reasons.append(f'log likelihood {likelihood:.1f} a frame, training recordings have {known.min():.1f} or more')
+            reasons.append(f'log likelihood {likelihood:.1f} a frame, training recordings at least {known.min():.1f}')
     return tuple(reasons)

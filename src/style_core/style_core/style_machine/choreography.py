@@ -1,5 +1,6 @@
 """Content: primitives and cycles of the state graph, sequences by name, paths between them, random walks, pictures."""
 import heapq
+import itertools
 import re
 from collections import Counter
 from dataclasses import dataclass
@@ -70,7 +71,7 @@ def scale_dwell(content, before, after):
         scaled = visits_to_path([(state, stay * ratio[state]) for state, stay in runs(content)])
         return scaled if len(scaled) else content[:1].astype(np.intc)
     ends = np.cumsum(content @ ratio)  # where each frame ends on the new clock
-    wanted = np.arange(max(int(round(ends[-1])), 1)) + 0.5
+    wanted = np.arange(max(round(ends[-1]), 1)) + 0.5
     centres = ends - 0.5 * (content @ ratio)
     right = np.clip(np.searchsorted(centres, wanted), 1, max(len(centres) - 1, 1))
     if len(centres) == 1:
@@ -109,7 +110,7 @@ def primitives(machine, least=2):
                     turn = loop.index(min(loop))
                     found[tuple(loop[turn:] + loop[:turn])] += 1
             last[state] = place
-        for a, b in zip(states[:-1], states[1:]):
+        for a, b in itertools.pairwise(states):
             followers.setdefault(a, Counter())[b] += 1
             leaders.setdefault(b, Counter())[a] += 1
     cycles = sorted(((states, count) for states, count in found.items() if count >= least),
@@ -133,7 +134,7 @@ def primitives(machine, least=2):
         while (after := continues(chain[-1])) is not None and after not in chain:
             chain.append(after)
         if len(chain) > 1:
-            chains.append((tuple(chain), min(followers[a][b] for a, b in zip(chain[:-1], chain[1:]))))
+            chains.append((tuple(chain), min(followers[a][b] for a, b in itertools.pairwise(chain))))
     chains.sort(key=lambda item: (-len(item[0]) * item[1], item[0]))
     return pieces + [Primitive(f'p{k + 1}', states, count, False) for k, (states, count) in enumerate(chains)]
 
@@ -220,7 +221,7 @@ def _item(machine, known, match):
     if name in machine.recordings:
         path = machine.recordings[name]
         if match['start'] is not None:
-            begin, end = (int(round(float(match[key]) * machine.rate_hz)) for key in ('start', 'stop'))
+            begin, end = (round(float(match[key]) * machine.rate_hz) for key in ('start', 'stop'))
             if not begin < end or begin >= len(path):
                 raise UsageError(f'{name} lasts {len(path) / machine.rate_hz:.2f} s: {match[0]!r} is no stretch of it')
             path = path[begin:end]

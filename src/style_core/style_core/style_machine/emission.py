@@ -1,4 +1,4 @@
-"""What a style says about poses: state distributions over joint positions and velocities, and the vector that is a style."""
+"""What a style says about poses: each state's positions and velocities; and the vector that is a style."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -6,8 +6,8 @@ import numpy as np
 from style_core.hmm import Moments, moments
 from style_core.style_machine.entropic import specific_map
 
-__all__ = ['Emission', 'Layout', 'Statistics', 'add_statistics', 'layout_for', 'remap_generic', 'remap_specific',
-           'velocity_moments']
+__all__ = ['Emission', 'Layout', 'Statistics', 'add_statistics', 'interpolate', 'layout_for', 'remap_generic',
+           'remap_specific', 'velocity_moments']
 
 _REFERENCE_FRAMES = 10.0   # weight of the average within-state covariance, frames: few frames make no covariance
 _REFERENCE_VISITS = 1.0
@@ -53,6 +53,12 @@ class Emission:
         rest = np.arange(q, d)
         full[:, rest, rest] = self.tails[:, :, 0, 0]
         return full
+
+
+def interpolate(one, other, share):
+    """Means, covariances and dwell times between two styles: share 0 is ``one``, 1 the other."""
+    return Emission(*((1 - share) * getattr(one, name) + share * getattr(other, name)
+                      for name in Emission.__dataclass_fields__))
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +183,7 @@ class Layout:
 
     def pack(self, emission):
         """Emission to vector, shape (M,)."""
-        n, d = emission.positions.shape
+        n, _d = emission.positions.shape
         q = emission.leading
         scale = self._scale(q)
         upper = np.triu_indices(2 * q)

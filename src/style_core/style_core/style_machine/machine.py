@@ -1,4 +1,4 @@
-"""The style machine: a stylistic hidden Markov model with a style space, learned from recordings; saving and loading."""
+"""The style machine: a stylistic hidden Markov model and its style space, learned from recordings; files."""
 import json
 from dataclasses import asdict, dataclass, replace
 from typing import Tuple

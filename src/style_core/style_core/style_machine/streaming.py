@@ -6,12 +6,10 @@ import numpy as np
 
 from style_core.errors import ModelError, UsageError
 from style_core.style_machine import _trajectory
-from style_core.style_machine.trajectory import information
+from style_core.style_machine.emission import Emission, interpolate
+from style_core.style_machine.trajectory import Information, information, mix
 
 __all__ = ['Frame', 'StreamingSynthesizer']
-
-_FIELDS = ('own', 'cross', 'previous', 'ahead', 'behind', 'own_tail', 'cross_tail', 'previous_tail', 'ahead_tail',
-           'behind_tail', 'first', 'first_ahead', 'first_tail', 'first_ahead_tail')
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +61,13 @@ class StreamingSynthesizer:
     >>> stream.set_style('1.5*walk - 0.5*run', seconds=1.0)                                  # doctest: +SKIP
     """
 
-    def __init__(self, machine, style='generic', lag=20, source=None):
+    def __init__(self, machine, style='generic', lag=40, source=None):
         if lag < 1:
             raise UsageError(f'the lag must be at least 1 frame, got {lag}')
         self.machine, self.lag = machine, int(lag)
         self._v_from = self._v_to = machine.style(style)
-        self._from = self._to = self._tables(self._v_to)
+        self._from = self._to = machine.at(self._v_to)
+        self._table = information(self._to)
         self._ramp, self._ramp_frames = 0, 0
         c = machine.coordinates
         self._to_joints = c.basis.T / c.weights
@@ -89,11 +88,6 @@ class StreamingSynthesizer:
         self._labels = deque()
         self._visit, self._left, self._carry = None, 0, 0.0
         self._last_output = None
-
-    def _tables(self, v):
-        emission = self.machine.at(v)
-        known = information(emission)
-        return {name: getattr(known, name) for name in _FIELDS} | {'dwell': emission.dwell}
 
     @property
     def v(self):
@@ -117,28 +111,30 @@ class StreamingSynthesizer:
         v = self.machine.style(style)
         if seconds < 0:
             raise UsageError(f'a change of style takes 0 s or more, got {seconds}')
-        tables = self._tables(v)
-        share = self._share()
-        if share < 1.0:  # changing again on the way: leave from where the blend stands
-            self._from = {name: (1 - share) * self._from[name] + share * self._to[name] for name in self._to}
-        else:
-            self._from = self._to
-        self._v_from, self._v_to, self._to = self.v, v, tables
-        self._ramp, self._ramp_frames = 0, int(round(seconds * self.machine.rate_hz))
+        emission = self.machine.at(v)
+        share = self._share()  # below 1 when changing again on the way: leave from where the blend stands
+        self._from = interpolate(self._from, self._to, share) if share < 1.0 else self._to
+        self._v_from, self._v_to, self._to = self.v, v, emission
+        self._table = information(emission)
+        self._ramp, self._ramp_frames = 0, round(seconds * self.machine.rate_hz)
 
     def _coefficients(self, content):
-        """Coefficients of one frame for a state or occupancies, blended while the style changes."""
-        share = self._share()
-        if np.ndim(content) == 0:
-            new = {name: self._to[name][content] for name in _FIELDS}
-            if share < 1.0:
-                new = {name: (1 - share) * self._from[name][content] + share * new[name] for name in _FIELDS}
-            return new
-        new = {name: np.tensordot(content, self._to[name], axes=1) for name in _FIELDS}
+        """Coefficients of one frame for a state or occupancies.
+
+        While the style changes, means and covariances are interpolated; weighted sums of two styles' coefficients
+        would meet where their flat Gaussians intersect, which may be far from both.
+        """
+        share, table = self._share(), self._table
+        used = np.array([content]) if np.ndim(content) == 0 else np.flatnonzero(content > 1e-6)
         if share < 1.0:
-            new = {name: (1 - share) * np.tensordot(content, self._from[name], axes=1) + share * new[name]
-                   for name in _FIELDS}
-        return new
+            table = information(interpolate(_states(self._from, used), _states(self._to, used), share))
+            place = np.arange(len(used))
+        else:
+            place = used
+        if np.ndim(content) == 0:
+            return table, int(place[0])
+        weights = content[used] / content[used].sum()
+        return mix(Information(*(array[place] for array in vars(table).values())), weights[None]), 0
 
     def push(self, content):
         """Take the content of one more frame.
@@ -163,13 +159,13 @@ class StreamingSynthesizer:
                     or abs(content.sum() - 1) > 1e-6:
                 raise ModelError(f'occupancies must be {self.machine.n_states} numbers >= 0 that sum to 1')
             label = int(content.argmax())
-        k = self._coefficients(content)
+        k, i = self._coefficients(content)
         if self._pushed == 0:
-            self._s[:], self._r[:] = k['first'], k['first_ahead']
-            self._s_tail[:], self._r_tail[:] = k['first_tail'], k['first_ahead_tail']
+            self._s[:], self._r[:] = k.first[i], k.first_ahead[i]
+            self._s_tail[:], self._r_tail[:] = k.first_tail[i], k.first_ahead_tail[i]
         elif _trajectory.push_frame(
-                self._s, self._r, self._s_tail, self._r_tail, k['own'], k['cross'], k['previous'], k['ahead'],
-                k['behind'], k['own_tail'], k['cross_tail'], k['previous_tail'], k['ahead_tail'], k['behind_tail'],
+                self._s, self._r, self._s_tail, self._r_tail, k.own[i], k.cross[i], k.previous[i], k.ahead[i],
+                k.behind[i], k.own_tail[i], k.cross_tail[i], k.previous_tail[i], k.ahead_tail[i], k.behind_tail[i],
                 self._w, self._h, self._w_tail, self._h_tail, self._pushed % len(self._h), self._low):
             raise ModelError('the trajectory is not determined: a covariance is singular')
         self._labels.append((label, self.v))
@@ -187,8 +183,8 @@ class StreamingSynthesizer:
         return frames
 
     def _look_back(self, steps):
-        _trajectory.look_back(self._s, self._r, self._s_tail, self._r_tail, self._w, self._h, self._w_tail, self._h_tail,
-                              (self._pushed - 1) % len(self._h), steps, self._low, self._x, self._out)
+        _trajectory.look_back(self._s, self._r, self._s_tail, self._r_tail, self._w, self._h, self._w_tail,
+                              self._h_tail, (self._pushed - 1) % len(self._h), steps, self._low, self._x, self._out)
         here, after = self._out
         c = self.machine.coordinates
         positions = here @ self._to_joints + c.reference
@@ -216,12 +212,18 @@ class StreamingSynthesizer:
                     return None
                 state, stay = visit
                 share = self._share()
-                dwell = (1 - share) * self._from['dwell'][state] + share * self._to['dwell'][state]
+                dwell = (1 - share) * self._from.dwell[state] + share * self._to.dwell[state]
                 exact = stay * dwell + self._carry
-                self._left = max(int(round(exact)), 0)
+                self._left = max(round(exact), 0)
                 self._carry = exact - self._left
                 self._visit = int(state)
             self._left -= 1
             frame = self.push(self._visit)
             if frame is not None:
                 return frame
+
+
+def _states(emission, used):
+    """An emission of some states only."""
+    return Emission(emission.pose, *(getattr(emission, name)[used] for name in
+                                     ('positions', 'velocities', 'covs', 'tails', 'dwell')))

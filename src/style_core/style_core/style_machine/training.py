@@ -271,7 +271,7 @@ class _Problem:
 
 
 def initial_family(sequences, settings, styles):
-    """Initial models (4.2): transitions declining off the diagonal, Gaussians on frames or from a low-dimensional HMM."""
+    """Initial models (4.2): transitions declining off the diagonal; Gaussians on frames, or from a hint."""
     n_styles = max(styles) + 1
     rng = np.random.default_rng(settings.seed)
     whole = np.concatenate([x[~np.isnan(x).any(axis=1)] for x in sequences])
@@ -405,7 +405,8 @@ def train(sequences, settings, styles=None, checkpoint=None, progress=None, fami
     for x, s, common in zip(sequences, styles, generic):
         own = log_density(x, state.family.specific_means[s], state.family.specific_covs[s])
         paths.append(viterbi(0.5 * (own + common), state.family.start, state.family.trans)[0])
-    return Trained(state.family, [one.gamma for one in found], [one.counts for one in found], paths, list(state.history))
+    return Trained(state.family, [one.gamma for one in found], [one.counts for one in found], paths,
+                   list(state.history))
 
 
 @dataclass(frozen=True, eq=False)

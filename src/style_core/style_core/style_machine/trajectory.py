@@ -51,11 +51,12 @@ def information(emission):
     behind = (c @ x + d @ dx)[..., 0]
     ahead = (a @ x + b @ dx)[..., 0] + behind
     first = np.linalg.inv(emission.covs[:, :q, :q])
-    tail = np.linalg.inv(emission.tails)
-    a_t, b_t, d_t = tail[..., 0, 0], tail[..., 0, 1], tail[..., 1, 1]
+    p_t, c_t, v_t = emission.tails[..., 0, 0], emission.tails[..., 0, 1], emission.tails[..., 1, 1]
+    determinant = p_t * v_t - c_t * c_t
+    a_t, b_t, d_t = v_t / determinant, -c_t / determinant, p_t / determinant
     x_t, dx_t = position[:, q:], emission.velocities[:, q:]
     behind_t = b_t * x_t + d_t * dx_t
-    first_t = 1.0 / emission.tails[..., 0, 0]
+    first_t = 1.0 / p_t
     arrays = (a + b + c + d, b + d, d, ahead, behind, first, (first @ x)[..., 0],
               a_t + 2 * b_t + d_t, b_t + d_t, d_t, a_t * x_t + b_t * dx_t + behind_t, behind_t, first_t, first_t * x_t)
     return Information(*(np.ascontiguousarray(array) for array in arrays))
