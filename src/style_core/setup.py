@@ -36,7 +36,7 @@ setup(
     cmdclass={'build_ext': build_ext},
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy>=1.21,<3', 'scipy>=1.8', 'matplotlib>=3.5', 'tqdm>=4.57',
-                      'rosbags>=0.9', 'scikit-learn>=1.0', 'pyyaml>=5.4'],
+                      'rosbags>=0.11', 'scikit-learn>=1.0', 'pyyaml>=5.4'],
     extras_require={
         'test': ['pytest>=6.2', 'hypothesis>=6', 'filterpy>=1.4', 'hmmlearn>=0.2.7'],
     },

@@ -91,3 +91,20 @@ def test_info_shows_a_motion(tmp_path, capsys):
     path.write_text('nonsense')
     assert main(['info', str(path)]) == 1
     assert capsys.readouterr().err.count('\n') == 1
+
+
+def test_info_draws_a_motion(tmp_path, mocap, capsys):
+    from matplotlib.image import imread
+
+    from style_core import datasets
+    source = str(datasets.trial_path('09_01'))
+    assert main(['info', source, '--picture', str(tmp_path / 'a.png'), '--select', '*femur*']) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {'a.png', 'a_pose.png'}
+    assert all(imread(path).std() > 0.05 for path in tmp_path.iterdir())
+    shown = capsys.readouterr().out
+    assert 'lfemur.rx' in shown and 'ltibia.rx' not in shown
+
+
+def test_info_of_a_model_has_no_picture(made_kind, model, capsys):
+    assert main(['info', model, '--picture', 'a.png']) == 2
+    assert 'motion files' in capsys.readouterr().err

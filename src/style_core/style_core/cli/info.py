@@ -1,8 +1,11 @@
 """Say what a model file or a motion file holds.
 
 motion-style info MODEL.npz                kind, joints, rate, what it was trained on, its parameters
-motion-style info walk.amc                 joints, rate, duration, gaps, range of every joint
-motion-style info walk.amc --picture walk.png
+motion-style info walk.amc                 joints, rate, duration, gaps; range and greatest speed of every joint
+motion-style info walk.amc --picture walk.png --select '*femur*' --select '*tibia*'
+motion-style info my_bag --topic /leg_states
+
+The picture shows stick figures where a skeleton is known, and the course of the joints.
 """
 import importlib
 import json
@@ -10,24 +13,41 @@ import json
 import numpy as np
 
 from style_core.cli.registry import KIND_COMMANDS
-from style_core.errors import ModelError
-from style_core.formats import read_motion
+from style_core.errors import ModelError, UsageError
+from style_core.formats import read_motion, skeleton_of
 from style_core.model_file import load_model
 
 __all__ = ['add_arguments', 'run', 'describe_motion']
 
+#: joints in a picture at most, those that move most
+_CURVES = 16
+
 
 def add_arguments(parser, argv):
     """FILE and how to show it."""
-    parser.add_argument('file', metavar='FILE', help='model file (.npz) or motion file of any known format')
+    parser.add_argument('file', metavar='FILE', help='model file (.npz), motion file of any known format, or bag')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
+    parser.add_argument('--picture', metavar='PNG', help='draw the motion (.png, .pdf or .svg; a second file with '
+                                                         '_pose in its name if a skeleton is known)')
+    parser.add_argument('--select', action='append', default=[], metavar='PATTERN',
+                        help="joints of a motion to show, e.g. 'l*'; '!PATTERN' leaves out")
+    parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf file for the picture')
+    parser.add_argument('--input-rate', type=float, metavar='HZ', help='rate of an AMC file (120 if left out)')
+    parser.add_argument('--topic', metavar='T', help='topic of a bag')
 
 
 def run(args):
-    """Print the description."""
+    """Print the description and draw the picture."""
     description = _describe_model(args.file) if args.file.endswith('.npz') else None
-    if description is None:
-        description = describe_motion(read_motion(args.file))
+    if description is not None:
+        if args.picture or args.select:
+            raise UsageError('--picture and --select are for motion files; this is a model')
+    else:
+        motion = read_motion(args.file, rate_hz=args.input_rate, topic=args.topic)
+        shown = motion.select(*args.select) if args.select else motion
+        description = describe_motion(shown)
+        if args.picture:
+            _draw(args, motion, shown)
     if args.json:
         print(json.dumps(description, indent=1))
     else:
@@ -42,14 +62,38 @@ def describe_motion(motion):
             for k in np.flatnonzero(steps > 3 / motion.rate_hz)] if motion.n_frames > 1 else []
     scale = np.array([180 / np.pi if unit == 'rad' else 1.0 for unit in motion.units])
     rows = []
-    for name, unit, values in zip(motion.joint_names, motion.units, (motion.positions * scale).T):
-        there = values[~np.isnan(values)]
-        low, high = (float(there.min()), float(there.max())) if there.size else (None, None)
-        rows.append({'joint': name, 'min': low, 'max': high, 'unit': 'deg' if unit == 'rad' else 'm',
+    for name, unit, values, speeds in zip(motion.joint_names, motion.units, (motion.positions * scale).T,
+                                          np.abs(motion.velocities() * scale).T):
+        there, moving = values[~np.isnan(values)], speeds[~np.isnan(speeds)]
+        rows.append({'joint': name, 'min': float(there.min()) if there.size else None,
+                     'max': float(there.max()) if there.size else None, 'unit': 'deg' if unit == 'rad' else 'm',
+                     'fastest_per_s': float(moving.max()) if moving.size else None,
                      'missing_frames': int(np.isnan(values).sum())})
     return {'kind': 'motion', 'name': motion.name, 'frames': motion.n_frames,
             'rate_hz': motion.rate_hz if motion.n_frames > 1 else None,
             'duration_s': motion.duration_s, 'gaps_s': gaps, 'joints': rows}
+
+
+def _draw(args, motion, shown):
+    from pathlib import Path
+
+    from style_core import pictures
+    from style_core.skeleton import read_skeleton
+    picture = Path(args.picture)
+    skeleton = read_skeleton(args.skeleton) if args.skeleton else skeleton_of(args.file)
+    angles = [name for name, unit in zip(shown.joint_names, shown.units) if unit == 'rad']
+    part = shown.joints(angles) if angles else shown
+    with np.errstate(invalid='ignore'):
+        spread = np.nan_to_num(np.nanmax(part.positions, axis=0) - np.nanmin(part.positions, axis=0))
+    most = np.sort(np.argsort(-spread, kind='stable')[:_CURVES])
+    part = part.joints([part.joint_names[index] for index in most])
+    title = f'{motion.name}: {motion.rate_hz:g} Hz, {motion.duration_s:.3g} s'
+    recorded = [pictures.Line('recorded', part.times, part.positions)]
+    pictures.save(pictures.joint_curves(part.joint_names, recorded, title,
+                                        unit='deg' if angles else 'm'), picture)
+    if skeleton is not None:
+        pictures.save(pictures.stick_strip(skeleton, [(title, motion)]),
+                      picture.with_name(f'{picture.stem}_pose{picture.suffix}'))
 
 
 def _describe_model(path):

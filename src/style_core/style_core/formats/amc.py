@@ -145,12 +145,13 @@ def _read_regular(lines, dofs):
         if tokens[at::width].count(joint) != count:
             raise ValueError('not regular')
         for offset in range(1, 1 + len(dofs[joint])):
-            columns.append(np.array(list(map(float, tokens[at + offset::width]))))
+            column = tokens[at + offset::width]
+            if '_' in ''.join(column):  # float() takes 1_0 for ten
+                raise ValueError('not regular')
+            columns.append(np.array(list(map(float, column))))
         at += 1 + len(dofs[joint])
     values = np.column_stack(columns)
-    # float() also takes nan and 1_0, which no AMC file means
-    if not np.isfinite(values).all() or len(lines) < count * (1 + len(joints)) or '_' in ''.join(
-            token for token in tokens if token[0] in '+-.0123456789'):
+    if not np.isfinite(values).all() or len(lines) < count * (1 + len(joints)):
         raise ValueError('not regular')
     return joints, values
 
