@@ -89,6 +89,18 @@ def test_what_an_amc_file_cannot_hold_is_refused_and_the_old_file_stays(tmp_path
     assert sorted(p.name for p in tmp_path.iterdir()) == ['file.amc', 'old.amc']
 
 
+def test_the_rate_is_written_as_a_comment(tmp_path):
+    whole = parse(tmp_path, HEAD + ''.join(f'{k}\n{FRAME}' for k in range(1, 8)))
+    write_motion(whole.replace(times=whole.times * 2), tmp_path / 'b.amc')
+    assert read_motion(tmp_path / 'b.amc').rate_hz == 60.0
+    assert read_motion(tmp_path / 'b.amc', rate_hz=30.0).rate_hz == 30.0
+    with pytest.raises(MotionError, match='resample'):
+        write_motion(whole.replace(times=whole.times**2 + whole.times), tmp_path / 'b.amc')
+    for rate in (-1.0, np.nan, np.inf):
+        with pytest.raises(MotionError, match='positive'):
+            read_motion(tmp_path / 'b.amc', rate_hz=rate)
+
+
 def test_every_trial_reads_whole_and_comes_back(mocap, tmp_path):
     for row in datasets.labels():
         motion = read_motion(datasets.trial_path(row.name), rate_hz=row.rate_hz)

@@ -5,7 +5,7 @@ import numpy as np
 
 from style_core.errors import MotionError
 from style_core.formats import skeleton_of
-from style_core.formats.files import read_text, replacing
+from style_core.formats.files import constant_step_s, read_text, replacing
 from style_core.motion import Motion, usual_units
 
 __all__ = ['read', 'write', 'CMU_DOFS', 'CMU_LENGTH_M', 'DEFAULT_RATE_HZ']
@@ -43,7 +43,7 @@ def read(path, skeleton=None, rate_hz=None):
         Says which degrees of freedom a joint has and how long a length unit is; the ``.asf`` file beside it where
         left out, and without one the common layout of the CMU skeletons.
     rate_hz : float, optional
-        120 where left out: the file does not say.
+        Where left out, what the file's comment ``# rate_hz`` says, as `write` puts it, else 120.
 
     Returns
     -------
@@ -56,14 +56,14 @@ def read(path, skeleton=None, rate_hz=None):
     MotionError
         Naming the line where the file breaks off or does not fit.
     """
-    rate_hz = DEFAULT_RATE_HZ if rate_hz is None else float(rate_hz)
-    if not (np.isfinite(rate_hz) and rate_hz > 0):
-        raise MotionError(f'{path}: the rate must be a positive number of Hz, got {rate_hz}')
     if skeleton is None:
         skeleton = skeleton_of(path)
     dofs, length_m = (CMU_DOFS, CMU_LENGTH_M) if skeleton is None else (skeleton.dofs, skeleton.length_m)
     lines = read_text(path).splitlines()
-    first, degrees = _header(path, lines)
+    first, degrees, written_hz = _header(path, lines)
+    rate_hz = float(rate_hz or written_hz or DEFAULT_RATE_HZ)
+    if not (np.isfinite(rate_hz) and rate_hz > 0):
+        raise MotionError(f'{path}: the rate must be a positive number of Hz, got {rate_hz}')
     try:
         joints, values = _read_regular(lines[first:], dofs)
     except ValueError:
@@ -76,12 +76,13 @@ def read(path, skeleton=None, rate_hz=None):
 
 
 def write(motion, path, skeleton=None):
-    """Write an AMC file; see `read` for ``skeleton``.
+    """Write an AMC file, its rate in a comment; see `read` for ``skeleton``.
 
     Raises
     ------
     MotionError
-        If a channel is not a degree of freedom of the skeleton, a joint is incomplete, or a value is missing.
+        If a channel is not a degree of freedom of the skeleton, a joint is incomplete, a value is missing, or the
+        rate is not constant.
     """
     dofs, length_m = (CMU_DOFS, CMU_LENGTH_M) if skeleton is None else (skeleton.dofs, skeleton.length_m)
     have = set(motion.joint_names)
@@ -102,25 +103,30 @@ def write(motion, path, skeleton=None):
         raise MotionError(f'{path}: an AMC file cannot hold missing values ({names[channel]} in frame {frame}); '
                           f'cut the motion or leave the joint out')
     values = motion.positions / np.array([length_m if unit == 'm' else np.pi / 180 for unit in motion.units])
+    rate = ''
+    if motion.n_frames > 1:
+        rate = f'# rate_hz {float(f"{1 / constant_step_s(motion, path):.9g}")!r}\n'
     frame_text = '\n'.join(['%d'] + [joint + ' %.12g' * len(dofs[joint]) for joint in joints]) + '\n'
     with replacing(path) as stream:
-        stream.write('#!OML:ASF\n:FULLY-SPECIFIED\n:DEGREES\n')
+        stream.write(f'#!OML:ASF\n{rate}:FULLY-SPECIFIED\n:DEGREES\n')
         for number, row in enumerate(values, 1):
             stream.write(frame_text % (number, *row))
 
 
 def _header(path, lines):
-    """Index of the first frame's line, and whether angles are in degrees."""
-    degrees = True
+    """Index of the first frame's line, whether angles are in degrees, and the rate of a comment (or None)."""
+    degrees, rate_hz = True, None
     for index, line in enumerate(lines):
         word = line.strip()
         if word.upper() in (':DEGREES', ':RADIANS'):
             degrees = word.upper() == ':DEGREES'
+        elif word.startswith('# rate_hz ') and _NUMBER.match(word[10:]):
+            rate_hz = float(word[10:])
         elif word and word[0] not in '#:':
             if not _FRAME.match(word):
                 raise MotionError(f'{path}: line {index + 1} should be a frame number, found {word[:40]!r}; '
                                   f'is this an AMC file?')
-            return index, degrees
+            return index, degrees, rate_hz
     raise MotionError(f'{path} holds no frames (is this an AMC file?)')
 
 

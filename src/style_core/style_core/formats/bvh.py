@@ -5,7 +5,7 @@ import numpy as np
 
 from style_core.angles import continuous_triples
 from style_core.errors import MotionError
-from style_core.formats.files import number, read_text, replacing
+from style_core.formats.files import constant_step_s, number, read_text, replacing
 from style_core.motion import Motion, usual_units
 from style_core.skeleton import Body, Channel, Skeleton
 
@@ -97,11 +97,7 @@ def write(motion, path, skeleton=None, length_m=None):
                           f'{frame}); cut the motion or leave the joint out')
     if motion.n_frames < 2:
         raise MotionError(f'{path}: a BVH file needs two frames or more, as it holds one time step')
-    step = motion.duration_s / (motion.n_frames - 1)
-    uneven = np.abs(np.diff(motion.times) - step).max()
-    if uneven > 0.01 * step:
-        raise MotionError(f'{path}: a BVH file has one time step, but steps of this motion differ by '
-                          f'{uneven * 1e3:.3g} ms; resample it first (--rate)')
+    step = constant_step_s(motion, path)
     skeleton.check_channels(motion.joint_names)
     if not all(_plain(body) for body in skeleton.bodies):
         motion, skeleton = _solved_anew(motion, skeleton)

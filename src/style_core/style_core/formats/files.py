@@ -4,9 +4,11 @@ import os
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
 from style_core.errors import MotionError
 
-__all__ = ['read_text', 'number', 'replacing']
+__all__ = ['read_text', 'number', 'constant_step_s', 'replacing']
 
 
 def read_text(path):
@@ -31,6 +33,16 @@ def number(word):
     if '_' in word or not word.isascii():
         raise ValueError(f'could not convert string to float: {word!r}')
     return float(word)
+
+
+def constant_step_s(motion, path):
+    """Time step of a motion for a format that has only one; MotionError if steps differ by more than 1 %."""
+    step = motion.duration_s / (motion.n_frames - 1)
+    uneven = float(np.abs(np.diff(motion.times) - step).max())
+    if uneven > 0.01 * step:
+        raise MotionError(f'{path}: {Path(path).suffix} files have one time step, but steps of this motion differ by '
+                          f'{uneven * 1e3:.3g} ms; resample it first (--rate)')
+    return step
 
 
 @contextlib.contextmanager
