@@ -3,8 +3,10 @@
 The quantities are those of the computational Laban literature (reviewed by Larboulette and Gibet, "A review of
 computable expressive descriptors of human motion", MOCO 2015; Hachimura, Takashina and Yoshimura, "Analysis and
 evaluation of dancing movement based on LMA", RO-MAN 2005): Weight from the peak kinetic energy, Time from the mean
-acceleration, Flow from the mean jerk. They are descriptors, not a movement analyst's judgement, and are called
-computed wherever they appear.
+acceleration, Flow from jerk. Plain jerk says nearly the same as acceleration, so Flow takes it without dimension
+(Hogan and Sternad, "Sensitivity of smoothness measures to movement duration, amplitude, and arrests", Journal of Motor
+Behavior 2009): how unevenly a path is gone, not how fast. They are descriptors, not a movement analyst's judgement, and
+are called computed wherever they appear.
 """
 import numpy as np
 from scipy.signal import savgol_filter
@@ -23,7 +25,7 @@ _WINDOW_S = 0.15
 
 
 def raw_descriptors(joints, rate_hz, scale=None):
-    """Logarithms of jerk, kinetic energy and acceleration.
+    """Logarithms of dimensionless jerk, kinetic energy and acceleration.
 
     Parameters
     ----------
@@ -36,13 +38,13 @@ def raw_descriptors(joints, rate_hz, scale=None):
     Returns
     -------
     ndarray, shape (3,)
-        In the order of `EFFORTS`: log of the mean jerk, of the peak kinetic energy, of the mean acceleration, for
-        unit masses.
+        In the order of `EFFORTS`: log of the dimensionless squared jerk, of the peak kinetic energy, of the mean
+        acceleration, for unit masses.
 
     Raises
     ------
     MotionError
-        If there are fewer than 7 frames or nothing moves.
+        If the motion is shorter than the filter of 0.15 s (7 frames at least) or nothing moves.
     """
     frames = len(joints)
     window = max(7, 2 * round(0.5 * _WINDOW_S * rate_hz) + 1)
@@ -51,11 +53,13 @@ def raw_descriptors(joints, rate_hz, scale=None):
     values = joints if scale is None else joints * scale
     velocity, acceleration, jerk = (
         savgol_filter(values, window, 5, deriv=order, delta=1.0 / rate_hz, axis=0) for order in (1, 2, 3))
-    energy = 0.5 * np.sum(velocity**2, axis=1).max()
-    measures = np.array([np.linalg.norm(jerk, axis=1).mean(), energy, np.linalg.norm(acceleration, axis=1).mean()])
-    if not (measures > 1e-12).all():
+    speed = np.sum(velocity**2, axis=1)
+    peak = speed.max()
+    if not peak > 1e-12:
         raise MotionError('nothing moves here: effort is not defined for a still pose')
-    return np.log(measures)
+    duration = (frames - 1) / rate_hz
+    roughness = np.sum(jerk**2, axis=1).mean() * duration**4 / peak
+    return np.log([roughness, 0.5 * peak, np.linalg.norm(acceleration, axis=1).mean()])
 
 
 class EffortScale:

@@ -4,6 +4,7 @@ import itertools
 import numpy as np
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.linear_model import Ridge
+from sklearn.multioutput import MultiOutputRegressor
 from sklearn.svm import SVR
 
 from style_core.errors import ModelError, UsageError
@@ -17,7 +18,7 @@ _FOLDS = 10
 _ESTIMATORS = {
     'linear-ridge': Ridge,
     'kernel-ridge': lambda **chosen: KernelRidge(kernel='rbf', **chosen),
-    'support-vectors': lambda **chosen: SVR(kernel='rbf', epsilon=0.1, **chosen),
+    'support-vectors': lambda **chosen: MultiOutputRegressor(SVR(kernel='rbf', epsilon=0.1, **chosen)),
 }
 _GRIDS = {
     'linear-ridge': {'alpha': [0.01, 0.1, 1.0, 10.0, 100.0, 1000.0]},
@@ -62,7 +63,7 @@ class _PerEffort:
 
     def predict(self, z):
         inputs = (z - self.centre) / self.spread
-        return np.stack([model.predict(inputs) for model in self.models], -1) + self.mean
+        return np.column_stack([model.predict(inputs) for model in self.models]) + self.mean
 
 
 def fit_regression(method, z, efforts, settings=None, seed=0):
@@ -106,7 +107,8 @@ def fit_regression(method, z, efforts, settings=None, seed=0):
     inputs, targets = (z - centre) / spread, efforts - mean
     if settings is None:
         settings = _chosen(method, inputs, targets, seed)
-    models = [_ESTIMATORS[method](**chosen).fit(inputs, targets[:, effort]) for effort, chosen in enumerate(settings)]
+    models = [_ESTIMATORS[method](**chosen).fit(inputs, targets[:, [effort]])
+              for effort, chosen in enumerate(settings)]
     return _PerEffort(models, centre, spread, mean), [dict(chosen) for chosen in settings]
 
 
@@ -119,7 +121,6 @@ def _chosen(method, inputs, targets, seed):
     for held in folds:
         rest = np.setdiff1d(order, held)
         for row, chosen in enumerate(grid):
-            for effort in range(3):
-                model = _ESTIMATORS[method](**chosen).fit(inputs[rest], targets[rest, effort])
-                errors[row, effort] += np.sum((model.predict(inputs[held]) - targets[held, effort])**2)
+            model = _ESTIMATORS[method](**chosen).fit(inputs[rest], targets[rest])
+            errors[row] += np.sum((model.predict(inputs[held]) - targets[held])**2, axis=0)
     return [grid[row] for row in errors.argmin(axis=0)]
