@@ -1,5 +1,6 @@
 """Fragments of real motion for the effort experiments: steps and jumps of several people, five contents."""
-from functools import lru_cache
+from functools import cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -27,14 +28,14 @@ class Fragment(NamedTuple):
     trial: str
 
 
-@lru_cache(maxsize=None)
+@cache
 def skeleton_of(subject):
-    """Skeleton of a subject; subject 13 has none on file, 16 stands in (only contact times depend on it)."""
+    """Skeleton of a subject; subject 13 has none on file, 16 stands in."""
     subject = '16' if subject == '13' else subject
     return read_skeleton(datasets.mocap_folder() / 'cmu' / subject / f'{subject}.asf')
 
 
-@lru_cache(maxsize=None)
+@cache
 def all_fragments():
     """Every step and jump found from foot contacts in the walking, running and jumping trials."""
     found = []
@@ -58,7 +59,7 @@ def all_fragments():
 
 def _steps(feet, base):
     strikes = sorted([(t, 0) for t in feet['left'].heel_strikes] + [(t, 1) for t in feet['right'].heel_strikes])
-    for (start, side), (stop, other) in zip(strikes, strikes[1:]):
+    for (start, side), (stop, other) in pairwise(strikes):
         if side != other and 0.2 < stop - start < 1.2:
             yield start, stop, base + side
 

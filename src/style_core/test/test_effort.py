@@ -248,8 +248,8 @@ def test_joins_are_continuous_in_position_and_velocity(seed, lengths):
     parts = []
     for length in lengths:
         u = np.linspace(0, 1, length)[:, None]
-        joints = generator.normal(size=3) + 0.3 * np.sin(3 * u + generator.normal(size=3))
-        parts.append(Poses(joints, None, np.zeros(3)))
+        course = generator.normal(size=3) + 0.3 * np.sin(3 * u + generator.normal(size=3))
+        parts.append(Poses(course, None, np.zeros(3)))
     joined = join(parts, 60.0).joints
     assert len(joined) == sum(lengths)
     for seam in np.cumsum(lengths)[:-1]:
@@ -340,7 +340,7 @@ def test_library_survives_its_file(made_library, tmp_path):
 def test_choice_is_as_good_as_a_fine_grid(made_library):
     library, _, _ = made_library
     target = np.array([1.0, -1.0, np.nan])
-    blend, predicted = choose_blend(library, 2, target)
+    blend, predicted = choose_blend(library, 2, target, verify=False)
     near = library.neighbours(2, 6)
     grid = np.linspace(*ALPHA_RANGE, 301)
     misses = [np.sum((library.predicted_efforts([i] * 301, [j] * 301, grid) - target)[:, :2]**2, axis=1).min()

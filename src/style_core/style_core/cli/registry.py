@@ -13,12 +13,17 @@ COMMANDS = {
     'synthesize': ('make new motion', 'style_core.cli.by_kind'),
     'analyze': ('find phase, style and content of recordings', 'style_core.cli.by_kind'),
     'fill': ('fill in missing joints of a recording', 'style_core.cli.by_kind'),
+    'effort': ('restyle a recording: freer, stronger, more sudden', 'style_core.cli.effort'),
+    'blend': ('blend two motions in space and time', 'style_core.cli.blend'),
+    'label': ("collect a person's effort labels", 'style_core.cli.label'),
 }
 
 #: ``motion-style train KIND``: kind -> (one-line summary, module path)
 TRAINERS = {
     'phase-style': ('phase and style over Gaussian-process bases, for the on-line predictor',
                     'style_core.cli.train_phase_style'),
+    'effort': ('fragments labelled by effort, and how efforts mix when fragments are blended',
+               'style_core.cli.train_effort'),
 }
 
 #: Commands that work on a model file: command -> {kind: module path}. A command without a kind is not offered.
@@ -26,7 +31,7 @@ TRAINERS = {
 #: module has ``describe(header, arrays)`` instead, which returns a dict to show below the header (numbers, words,
 #: lists; ``--json`` prints it as it is).
 KIND_COMMANDS = {
-    'info': {},
+    'info': {'effort': 'style_core.cli.info_effort'},
     'predict': {},
     'evaluate': {},
     'synthesize': {},

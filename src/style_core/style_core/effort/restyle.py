@@ -5,7 +5,7 @@ import numpy as np
 
 from style_core.effort.interpolation import ALPHA_RANGE
 from style_core.effort.joins import Joiner
-from style_core.effort.library import Blend
+from style_core.effort.library import COMPUTED, Blend
 from style_core.effort.pose import Poses
 from style_core.effort.segmentation import Segment, Segmenter
 from style_core.errors import UsageError
@@ -14,6 +14,7 @@ __all__ = ['Choice', 'Restyled', 'choose_blend', 'restyle', 'LiveRestyler']
 
 _SAMPLES = 16
 _GOLDEN_STEPS = 20
+_VERIFIED = 12
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
@@ -22,7 +23,7 @@ class Choice(NamedTuple):
 
     segment: Segment
     blend: Blend
-    predicted: np.ndarray
+    effort: np.ndarray
 
 
 class Restyled(NamedTuple):
@@ -46,7 +47,7 @@ def checked_target(target):
     return target
 
 
-def choose_blend(library, fragment, target, neighbours=6):
+def choose_blend(library, fragment, target, neighbours=6, verify=None):
     """Pair and alpha whose predicted effort is nearest the target, equation (12).
 
     Alpha is sampled at 16 values of [-0.25, 1.25] for every ordered pair of content neighbours; the best sample of each
@@ -61,12 +62,17 @@ def choose_blend(library, fragment, target, neighbours=6):
         NaN entries do not count.
     neighbours : int
         K, including the fragment itself.
+    verify : bool, optional
+        Make the twelve most promising blends and take the one whose measured effort is nearest. Default: where the
+        labels are computed ones, which can be measured; a person's cannot.
 
     Returns
     -------
     blend : Blend
-    predicted : ndarray, shape (3,)
+    effort : ndarray, shape (3,)
+        Predicted by the regression, or measured where verified.
     """
+    verify = library.labeller == COMPUTED if verify is None else verify
     near = library.neighbours(fragment, neighbours)
     lengths = np.array([len(poses) for poses in library.fragments])
     pairs = np.array([(i, j) for i in near for j in near
@@ -94,10 +100,15 @@ def choose_blend(library, fragment, target, neighbours=6):
     # a sample at the very end of the range may beat what the search converged to
     refined, at_sample = miss(every, alphas), sampled.min(axis=1)
     alphas, misses = np.where(refined <= at_sample, alphas, best), np.minimum(refined, at_sample)
-    winner = int(np.argmin(misses))
-    first, second = pairs[winner]
-    blend = Blend(int(first), int(second), float(alphas[winner]))
-    return blend, library.predicted_efforts([first], [second], [blend.alpha])[0]
+    order = np.argsort(misses, kind='stable')[:_VERIFIED if verify else 1]
+    ranked = [Blend(int(pairs[row, 0]), int(pairs[row, 1]), float(alphas[row])) for row in order]
+    if verify:
+        group = library.groups[fragment]
+        measured = np.stack([library.computed_effort(library.blend(blend), group) for blend in ranked])
+        winner = int(np.argmin(np.sum((measured - target)[:, counted]**2, axis=1)))
+        return ranked[winner], measured[winner]
+    first, second, alpha = ranked[0]
+    return ranked[0], library.predicted_efforts([first], [second], [alpha])[0]
 
 
 class LiveRestyler:
@@ -109,12 +120,15 @@ class LiveRestyler:
     target : array_like, shape (3,)
         Flow, weight, time; NaN for any. May be changed while running.
     neighbours : int
+    verify : bool, optional
+        See `choose_blend`.
     """
 
-    def __init__(self, library, target, neighbours=6):
+    def __init__(self, library, target, neighbours=6, verify=None):
         self.library = library
         self.target = checked_target(target)
         self.neighbours = neighbours
+        self.verify = verify
         self.choices = []
         self._segmenter = Segmenter(library.sequences)
         self._joiner = Joiner(library.rate_hz)
@@ -135,15 +149,15 @@ class LiveRestyler:
     def _restyled(self, segments):
         parts = []
         for segment in segments:
-            blend, predicted = choose_blend(self.library, segment.fragment, self.target, self.neighbours)
-            self.choices.append(Choice(segment, blend, predicted))
+            blend, effort = choose_blend(self.library, segment.fragment, self.target, self.neighbours, self.verify)
+            self.choices.append(Choice(segment, blend, effort))
             done = self._joiner.append(self.library.blend(blend))
             if done is not None:
                 parts.append(done)
         return parts
 
 
-def restyle(library, motion, target, neighbours=6):
+def restyle(library, motion, target, neighbours=6, verify=None):
     """Restyle a recording (section 7).
 
     Parameters
@@ -154,6 +168,8 @@ def restyle(library, motion, target, neighbours=6):
         Flow, weight, time in [-3, 3]; NaN leaves a factor as it comes.
     neighbours : int
         K content neighbours of each matched fragment.
+    verify : bool, optional
+        See `choose_blend`.
 
     Returns
     -------
@@ -167,7 +183,7 @@ def restyle(library, motion, target, neighbours=6):
     """
     if abs(motion.rate_hz - library.rate_hz) > 1e-6 * library.rate_hz:
         motion = motion.resample(library.rate_hz)
-    restyler = LiveRestyler(library, target, neighbours)
+    restyler = LiveRestyler(library, target, neighbours, verify)
     parts = [*restyler.push(motion), *restyler.finish()]
     start = library.space.encode(motion).start
     root = np.concatenate([part.root for part in parts]) if library.space.has_root else None
