@@ -1,6 +1,7 @@
 """The effort commands from the user's side."""
 import csv
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -158,7 +159,7 @@ def test_real_steps_of_a_person_never_seen(trial):
     source = source.slice(own[0].times[0] + 0.53, 3.4)
     heavy, light = (restyle(library, source, (np.nan, value, np.nan)) for value in (2, -2))
     found = [sides[choice.segment.fragment] for choice in heavy.choices]
-    assert all(a != b for a, b in zip(found, found[1:]))
+    assert all(a != b for a, b in pairwise(found))
     efforts = [np.mean([choice.effort[1] for choice in result.choices]) for result in (heavy, light)]
     assert efforts[0] > efforts[1] + 1.0
     fastest = np.abs(np.diff(library.space.encode(heavy.motion).joints, axis=0)).max()

@@ -25,7 +25,8 @@ def add_arguments(parser, argv):
     parser.add_argument('-o', '--output', required=True, metavar='CSV', help='label file; rows are added to it')
     parser.add_argument('--labeller', required=True, metavar='NAME', help='who gives the labels')
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf to draw stick figures with')
-    parser.add_argument('--pictures', default='out/labels', metavar='FOLDER', help='where pictures go (default: out/labels)')
+    parser.add_argument('--pictures', default='out/labels', metavar='FOLDER',
+                        help='where pictures go (default: out/labels)')
     parser.add_argument('--only-draw', action='store_true', help='make the pictures and ask nothing')
 
 

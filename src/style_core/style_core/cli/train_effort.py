@@ -34,11 +34,11 @@ def add_arguments(parser, argv):
     parser.add_argument('--fragments', metavar='CSV', help='table of fragments cut out of longer recordings')
     parser.add_argument('-o', '--output', required=True, metavar='LIBRARY.npz', help='library to write')
     parser.add_argument('--labels', metavar='CSV', help="a person's labels (motion-style label); computed where absent")
-    parser.add_argument('--labeller', metavar='NAME', help='use the labels of this person only (default: the mean of all)')
+    parser.add_argument('--labeller', metavar='NAME', help="use this person's labels only (default: the mean of all)")
     parser.add_argument('--joints', nargs='+', metavar='PATTERN', default=['!*fingers*', '!*thumb*'],
                         help="joints to keep; '!PATTERN' excludes (default: all but fingers and thumbs)")
-    parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf; weighs joints by how far they move the '
-                                                           'body (default: all joints weigh the same)')
+    parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf; weighs joints by how far they move '
+                                                           'the body (default: all joints weigh the same)')
     parser.add_argument('--rate', type=float, default=60.0, metavar='HZ', help='rate of the library (default: 60)')
     parser.add_argument('--recorded-rate', type=float, metavar='HZ',
                         help='rate of the recordings where their format does not say it (AMC; default: 120)')
@@ -58,8 +58,7 @@ def run(args):
     recordings = {}
     for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
         rate = {'rate_hz': args.recorded_rate} if args.recorded_rate and path.suffix.lower() == '.amc' else {}
-        recordings[path] = continuous(read_motion(path, **rate)).resample(args.rate).select(
-            *[pattern for pattern in args.joints])
+        recordings[path] = continuous(read_motion(path, **rate)).resample(args.rate).select(*args.joints)
     motions = []
     for name, path, start, stop, _ in rows:
         piece = recordings[path] if start is None else recordings[path].slice(start, stop)
@@ -74,11 +73,12 @@ def run(args):
         method=args.method, seed=args.seed, rate_hz=args.rate,
         progress=lambda items: tqdm(items, desc='matching', disable=None, leave=False))
     save(library, args.output, {'training_files': training_files(paths)})
-    print(f'{len(library.names)} fragments in {library.groups.max() + 1} contents, {len(library.blends)} interpolations, '
-          f'labels {"computed from the kinematics" if labels is None else "by a person"}')
+    print(f'{len(library.names)} fragments in {library.groups.max() + 1} contents, {len(library.blends)} '
+          f'interpolations, labels {"computed from the kinematics" if labels is None else "by a person"}')
     for group in range(library.groups.max() + 1):
         members = [name for name, g in zip(library.names, library.groups) if g == group]
-        print(f'  content {group}: {", ".join(members[:6])}{f" and {len(members) - 6} more" if len(members) > 6 else ""}')
+        more = f' and {len(members) - 6} more' if len(members) > 6 else ''
+        print(f'  content {group}: {", ".join(members[:6])}{more}')
     spread = library.efforts.std(axis=0)
     print('spread of the labels: ' + ', '.join(f'{e} {s:.2f}' for e, s in zip(EFFORTS, spread)))
     print(f'wrote {args.output}')
