@@ -28,4 +28,4 @@ def run(args):
     first, second = (continuous(read_motion(path, skeleton=skeleton)) for path in (args.first, args.second))
     motion = interpolate_motions(first, second, args.alpha)
     write_motion(motion, args.output, skeleton=skeleton)
-    print(f'wrote {args.output}: {motion.duration_s:.2f} s, from {first.duration_s:.2f} s and {second.duration_s:.2f} s')
+    print(f'wrote {args.output}: {motion.duration_s:.2f} s from {first.duration_s:.2f} s and {second.duration_s:.2f} s')
