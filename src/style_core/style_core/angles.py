@@ -1,7 +1,7 @@
 """Angles that run on smoothly: unwrapping, equivalent Euler triples, exponential maps."""
 import numpy as np
 
-__all__ = ['unwrap', 'continuous_triples', 'continuous', 'rotation_from_expmap']
+__all__ = ['unwrap', 'continuous_triples', 'continuous', 'rotation_about', 'rotation_from_expmap']
 
 
 def unwrap(angles):
@@ -91,6 +91,26 @@ def continuous(motion, orders=None):
     rest = [c for c, unit in enumerate(motion.units) if unit == 'rad' and c not in in_triple]
     positions[:, rest] = unwrap(positions[:, rest])
     return motion.replace(positions=positions)
+
+
+def rotation_about(axis, angles):
+    """Rotation matrices about one axis.
+
+    Parameters
+    ----------
+    axis : array_like, shape (3,)
+        Unit vector.
+    angles : ndarray, shape (T,)
+        Rad.
+
+    Returns
+    -------
+    ndarray, shape (T, 3, 3)
+    """
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    angles = angles[:, None, None]
+    return np.eye(3) + np.sin(angles) * cross + (1 - np.cos(angles)) * (cross @ cross)
 
 
 def rotation_from_expmap(expmaps):

@@ -6,7 +6,7 @@ from typing import Mapping, Tuple
 
 import numpy as np
 
-from style_core.angles import rotation_from_expmap
+from style_core.angles import rotation_about
 from style_core.errors import MotionError
 from style_core.motion import Motion
 
@@ -162,11 +162,10 @@ class Skeleton:
                     values = np.array([channel.offset])
                 else:
                     continue
-                axis = np.array(channel.axis)
                 if channel.kind == 't':
-                    place = place + (turn @ axis) * values[:, None]
+                    place = place + (turn @ np.array(channel.axis)) * values[:, None]
                 else:
-                    turn = turn @ rotation_from_expmap(values[:, None] * axis)
+                    turn = turn @ rotation_about(channel.axis, values)
             turn = turn @ body.after
             positions[:, index] = place + turn @ body.tip
             rotations[:, index] = turn
@@ -242,5 +241,5 @@ def euler_matrix(angles, order):
     """
     matrix = np.eye(3)
     for angle, letter in zip(angles, order.upper()):
-        matrix = rotation_from_expmap(angle * np.eye(3)['XYZ'.index(letter)]) @ matrix
+        matrix = rotation_about(np.eye(3)['XYZ'.index(letter)], np.array([angle]))[0] @ matrix
     return matrix

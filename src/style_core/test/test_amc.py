@@ -96,7 +96,7 @@ def test_the_rate_is_written_as_a_comment(tmp_path):
     assert read_motion(tmp_path / 'b.amc', rate_hz=30.0).rate_hz == 30.0
     with pytest.raises(MotionError, match='resample'):
         write_motion(whole.replace(times=whole.times**2 + whole.times), tmp_path / 'b.amc')
-    for rate in (-1.0, np.nan, np.inf):
+    for rate in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(MotionError, match='positive'):
             read_motion(tmp_path / 'b.amc', rate_hz=rate)
 

@@ -49,6 +49,9 @@ def test_bvh_means_what_its_channels_say(tmp_path):
     joint = place + hips.apply([0.1, 0, 0])
     np.testing.assert_allclose(skeleton.forward(motion)[0], [place, joint, joint + leg.apply([0, -0.4, 0])], atol=1e-12)
     assert skeleton.body_names[-1] == 'LeftUpLeg_end'
+    loose = put(tmp_path, BVH.replace('MOTION', '\n MOTION \n').replace('Frames: 2', '\nFrames:\t2 \n\n')
+                .replace('End Site', 'End site').replace('{', ' {\n'), 'b.bvh')
+    np.testing.assert_array_equal(read_motion(loose).positions, motion.positions)
     assert skeleton.orders == {'Hips': 'YXZ', 'LeftUpLeg': 'ZXY'}
 
 

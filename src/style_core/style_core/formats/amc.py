@@ -61,7 +61,7 @@ def read(path, skeleton=None, rate_hz=None):
     dofs, length_m = (CMU_DOFS, CMU_LENGTH_M) if skeleton is None else (skeleton.dofs, skeleton.length_m)
     lines = read_text(path).splitlines()
     first, degrees, written_hz = _header(path, lines)
-    rate_hz = float(rate_hz or written_hz or DEFAULT_RATE_HZ)
+    rate_hz = next(float(rate) for rate in (rate_hz, written_hz, DEFAULT_RATE_HZ) if rate is not None)
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise MotionError(f'{path}: the rate must be a positive number of Hz, got {rate_hz}')
     try:

@@ -41,9 +41,9 @@ def read(path, length_m=None):
         Naming the line where the file breaks off or does not fit.
     """
     skeleton, lines, at = _hierarchy(path, length_m)
-    count, step = _motion_head(path, lines, at)
+    count, step, start = _motion_head(path, lines, at)
     names = skeleton.channel_names
-    rows = [(line_number, line.split()) for line_number, line in enumerate(lines[at + 3:], at + 4) if line.strip()]
+    rows = [(line_number, line.split()) for line_number, line in enumerate(lines[start:], start + 1) if line.strip()]
     for line_number, words in rows:
         if len(words) != len(names):
             raise MotionError(f'{path}: line {line_number}: a frame needs {len(names)} values, found {len(words)}'
@@ -219,9 +219,9 @@ def _hierarchy(path, length_m):
 
 
 def _motion_head(path, lines, at):
-    """Number of frames and time step from the two lines after MOTION."""
-    head = [line.split(':') for line in lines[at + 1:at + 3]]
-    words = [(parts[0].strip().lower(), parts[1].strip()) for parts in head if len(parts) == 2]
+    """Number of frames and time step from the two lines after MOTION, and the index of the line after them."""
+    head = [(index, line.split(':')) for index, line in enumerate(lines[at + 1:at + 20], at + 1) if line.strip()][:2]
+    words = [(parts[0].strip().lower(), parts[1].strip()) for _, parts in head if len(parts) == 2]
     try:
         (frames, count), (frame_time, step) = words
         count, step = int(number(count)), number(step)
@@ -230,7 +230,7 @@ def _motion_head(path, lines, at):
     if frames != 'frames' or frame_time != 'frame time' or count < 1 or not (np.isfinite(step) and step > 0):
         raise MotionError(f'{path}: line {at + 2}: after MOTION must stand "Frames: N" and "Frame Time: S", both '
                           f'positive')
-    return count, step
+    return count, step, head[1][0] + 1
 
 
 def _vector(where, words):

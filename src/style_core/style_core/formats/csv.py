@@ -1,4 +1,5 @@
 """Tables (``.csv``): a header of joint names, the time in seconds first, one row a frame."""
+import contextlib
 import csv
 import io
 
@@ -53,11 +54,11 @@ def read(path):
             units[index], scale[index] = _UNITS[suffix]
     values = np.empty((len(numbered) - 1, len(header)))
     for row, (line_number, line) in enumerate(numbered[1:]):
-        cells = line.replace('"', '').split(delimiter)
+        cells = (line.replace('"', '') if '"' in line else line).split(delimiter)
         if len(cells) != len(header):
             raise MotionError(f'{path}: line {line_number} has {len(cells)} columns, the header {len(header)}')
         try:
-            values[row] = [number(cell) if cell.strip() else np.nan for cell in cells]
+            values[row] = _numbers(line, cells)
         except ValueError:
             wrong = next(cell for cell in cells if cell.strip() and not _is_number(cell))
             raise MotionError(f'{path}: line {line_number}: {wrong.strip()[:40]!r} is not a number') from None
@@ -77,6 +78,13 @@ def write(motion, path):
         stream.write('time,' + ','.join(f'"{name}"' if ',' in name else name for name in header) + '\n')
         for time, row in zip(motion.times.tolist(), motion.positions.tolist()):
             stream.write(f'{time!r},' + ','.join('' if value != value else repr(value) for value in row) + '\n')
+
+
+def _numbers(line, cells):
+    if '_' not in line and line.isascii():  # so `number` would refuse nothing that float takes
+        with contextlib.suppress(ValueError):
+            return list(map(float, cells))
+    return [number(cell) if cell.strip() else np.nan for cell in cells]
 
 
 def _bare(header):
