@@ -47,10 +47,12 @@ PYTHON
 # find_python VERSION [static-is-fine]: PYTHON is a CPython of that version on PATH, under pyenv, or among uv's; 1 if
 # there is none. UNFIT then says why those that were seen do not do.
 find_python() {
-    local version="$1" candidate status
+    local version="$1" candidate status pyenv
+    pyenv="$(printf '%s' "$PATH" | tr ':' '\n' | sed -n 's:/bin/*$::; s:/shims/*$::; /[.]\{0,1\}pyenv$/p' | head -1)"
     UNFIT=''
     for candidate in "${STYLE_PYTHON:-}" "$(command -v "python$version" || true)" \
-            "${PYENV_ROOT:-$HOME/.pyenv}"/versions/"$version".*/bin/python "/opt/pyenv/versions/$version".*/bin/python \
+            "${PYENV_ROOT:-$pyenv}"/versions/"$version".*/bin/python \
+            "$HOME"/.pyenv/versions/"$version".*/bin/python \
             "$HOME"/.local/share/uv/python/cpython-"$version"*/bin/python "/usr/local/bin/python$version"; do
         [ -n "$candidate" ] && [ -x "$candidate" ] || continue
         status=0

@@ -3,7 +3,6 @@
 Run by scripts/setup.sh with CPython 3.12: ``python scripts/ros_prefix/build.py PREFIX``. A prefix that is whole and
 made by these very scripts is left alone; anything else is built beside it and takes its place when it is whole.
 """
-import fcntl
 import os
 import platform
 import shutil
@@ -22,8 +21,10 @@ from ros_prefix.downloads import (
     clean_environment,
     fetch_wheels,
     install,
+    locked,
     say,
     sha256,
+    write,
 )
 
 STAMP = 'style-prefix-stamp'
@@ -84,7 +85,7 @@ def build(prefix):
     shutil.rmtree(old, ignore_errors=True)
     step('check')
     mend.check(prefix)
-    prefix.joinpath(STAMP).write_text(stamp_of(prefix))
+    write(prefix / STAMP, stamp_of(prefix).encode())
     step(f'ROS 2 Humble stands in {prefix}')
 
 
@@ -103,8 +104,7 @@ def main(prefix):
             'Install ROS 2 Humble on Ubuntu 22.04 instead (docs/setup.md).', file=sys.stderr)
         return 1
     prefix.parent.mkdir(parents=True, exist_ok=True)
-    with open(prefix.with_name(prefix.name + '.lock'), 'w') as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # a second set-up waits for the first, then finds its prefix
+    with locked(prefix.with_name(prefix.name + '.lock')):  # a second set-up waits, then finds the prefix
         if stamp.exists() and stamp.read_text() == stamp_of(prefix):
             return 0
         say(NOTICE)

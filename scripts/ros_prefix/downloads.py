@@ -1,4 +1,6 @@
 """Everything the prefix downloads: kept in one cache, checked by SHA-256, fetched once."""
+import contextlib
+import fcntl
 import functools
 import hashlib
 import os
@@ -7,7 +9,6 @@ import shutil
 import subprocess
 import sys
 import time
-import urllib.error
 import urllib.request
 from pathlib import Path
 
@@ -38,9 +39,26 @@ def sha256(path):
         return hashlib.file_digest(stream, 'sha256').hexdigest()
 
 
+@contextlib.contextmanager
+def locked(path):
+    """One set-up at a time; a second one waits."""
+    with open(path, 'w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def write(path, content):
+    """Write a file whole or not at all."""
+    part = path.with_name(path.name + '.part')
+    part.write_bytes(content)
+    part.replace(path)
+
+
 def clean_environment():
     """The environment without what a sourced ROS workspace puts there: other Pythons must not see it."""
-    return {k: v for k, v in os.environ.items() if k not in ('PYTHONPATH', 'PYTHONHOME', 'LD_LIBRARY_PATH')}
+    leaking = ('PYTHONPATH', 'PYTHONHOME', 'LD_LIBRARY_PATH', 'VIRTUAL_ENV',
+               'PIP_NO_CACHE_DIR', 'PIP_TARGET', 'PIP_USER')
+    return {name: value for name, value in os.environ.items() if name not in leaking}
 
 
 def pip(python, *arguments):
@@ -54,33 +72,35 @@ def fetch_wheels(python, name, options=(), resuming=True):
     """Download what ``requirements/NAME.txt`` names into the cache and return the folder.
 
     A list of the files and their hashes is written when all are there; while it holds, the network is not used.
+    Until then pip keeps what has come in a folder of its own, so a stopped download goes on where it was.
     """
     lock = REQUIREMENTS / f'{name}.txt'
-    allowed = set(re.findall(r'--hash=sha256:([0-9a-f]{64})', lock.read_text()))
-    folder = cache_folder() / f'{name}-{sha256(lock)[:12]}'
+    folder = cache_folder() / 'wheels'
     folder.mkdir(exist_ok=True)
-    complete = folder / 'complete'
+    complete = folder.with_name(f'{name}-{sha256(lock)[:12]}.complete')
     if complete.exists():
-        have = {path.name: sha256(path) for path in folder.iterdir() if path != complete}
-        if have == dict(line.split() for line in complete.read_text().splitlines()):
+        files = dict(line.split() for line in complete.read_text().splitlines())
+        if all(folder.joinpath(file).exists() and sha256(folder / file) == files[file] for file in files):
             return folder
-        complete.unlink()
-        for file, digest in have.items():  # damaged since: only these are fetched again
-            if digest not in allowed:
-                (folder / file).unlink()
-    say(f'Downloading the packages of requirements/{name}.txt into {folder}')
+    arrived = cache_folder() / 'arrived'
+    quiet = ('--progress-bar', 'on') if sys.stderr.isatty() else ('--quiet', '--progress-bar', 'off')
     retry = ('--retries', '10', *(('--resume-retries', '20') if resuming else ()))
-    for attempt in range(1, ATTEMPTS + 1):
-        try:
-            pip(python, 'download', '--progress-bar', 'on' if sys.stderr.isatty() else 'off', *retry, *options,
-                '--require-hashes', '-r', lock, '-d', folder, *(() if sys.stderr.isatty() else ('--quiet',)))
-            break
-        except SetupError:
-            if attempt == ATTEMPTS:
-                raise
-            say(f'The download stopped; attempt {attempt + 1} of {ATTEMPTS} in {5 * attempt} s.')
-            time.sleep(5 * attempt)
-    complete.write_text(''.join(f'{path.name} {sha256(path)}\n' for path in sorted(folder.iterdir())))
+    with locked(cache_folder() / 'lock'):
+        say(f'Downloading the packages of requirements/{name}.txt')
+        for attempt in range(1, ATTEMPTS + 1):
+            try:  # files that are there already, whole, are not fetched again
+                pip(python, 'download', '--cache-dir', arrived, *quiet, *retry, *options, '--require-hashes',
+                    '-r', lock, '-d', folder)
+                break
+            except SetupError:
+                if attempt == ATTEMPTS:
+                    raise
+                say(f'The download stopped; attempt {attempt + 1} of {ATTEMPTS} in {5 * attempt} s.')
+                time.sleep(5 * attempt)
+        allowed = set(re.findall(r'--hash=sha256:([0-9a-f]{64})', lock.read_text()))
+        files = {path.name: sha256(path) for path in sorted(folder.iterdir())}
+        write(complete, ''.join(f'{file} {digest}\n' for file, digest in files.items() if digest in allowed).encode())
+        shutil.rmtree(arrived, ignore_errors=True)
     return folder
 
 
@@ -127,9 +147,7 @@ def fetch_debian(pool, digest, path):
                 problem = f'{mirror}/{pool}: {error}'
                 continue
             if hashlib.sha256(content).hexdigest() == digest:
-                part = path.with_suffix('.part')
-                part.write_bytes(content)
-                part.replace(path)
+                write(path, content)
                 return
             problem = f'{mirror}/{pool}: its SHA-256 is not {digest}'
         time.sleep(2 * attempt)

@@ -34,8 +34,23 @@ def packages(tree):
     return sorted(found)
 
 
+def parse_once():
+    """Keep the generators from parsing a file again that another of them has parsed: most of their time."""
+    import rosidl_cmake
+    parse, known = rosidl_cmake.parse_idl_file, {}
+
+    def parse_idl_file(locator):
+        path = locator.get_absolute_path()
+        if path not in known:
+            known[path] = parse(locator)
+        return known[path]
+
+    rosidl_cmake.parse_idl_file = parse_idl_file
+
+
 def generate(tree, package):
     """Write the headers of one package to ``TREE/include/PACKAGE/PACKAGE``."""
+    parse_once()
     share = Path(tree, 'share')
     output = Path(tree, 'include', package, package)
     idl = sorted(path.relative_to(share / package) for path in share.joinpath(package).glob('*/*.idl'))
