@@ -3,23 +3,24 @@ from style_core.errors import UsageError
 from style_core.phase_style.learning import Sequence, group_of, learn
 from style_core.phase_style.model import KIND, Behaviour, Residual, load_behaviours, save_behaviours
 from style_core.phase_style.paper import PaperPredictor
+from style_core.phase_style.predictor import FullPredictor
 
-__all__ = ['KIND', 'METHODS', 'Behaviour', 'Residual', 'Sequence', 'PaperPredictor', 'group_of', 'learn',
+__all__ = ['KIND', 'METHODS', 'Behaviour', 'Residual', 'Sequence', 'FullPredictor', 'PaperPredictor', 'group_of', 'learn',
            'load_behaviours', 'load_predictor', 'make_predictor', 'save_behaviours']
 
-METHODS = ('paper',)
+METHODS = ('full', 'paper')
 
 
-def make_predictor(behaviours, method='paper', **options):
+def make_predictor(behaviours, method='full', **options):
     """Make an on-line predictor.
 
     Parameters
     ----------
     behaviours : list of Behaviour
-    method : {'paper'}
-        The published method with the first behaviour.
+    method : {'full', 'paper'}
+        The full filter over all behaviours, or the published method with the first behaviour.
     **options
-        Settings of the method (see `PaperPredictor`).
+        Settings of the method (see `FullPredictor` and `PaperPredictor`).
 
     Returns
     -------
@@ -27,10 +28,12 @@ def make_predictor(behaviours, method='paper', **options):
     """
     if method not in METHODS:
         raise UsageError(f'method must be one of {", ".join(METHODS)}, got {method!r}')
+    if method == 'full':
+        return FullPredictor(behaviours, **options)
     return PaperPredictor(behaviours[0], **options)
 
 
-def load_predictor(path, method='paper', **options):
+def load_predictor(path, method='full', **options):
     """Read a model file and make an on-line predictor of it (see `make_predictor`).
 
     Raises

@@ -71,6 +71,8 @@ cdef extern from *:
     double dot(const double*, const double*, int) noexcept nogil
 
 cdef double TWO_PI = 6.283185307179586
+#: Standard deviations are evaluated at so many of the horizons, evenly chosen with both ends, and interpolated.
+cdef int KNOTS = 9
 cdef double LOG_TWO_PI = 1.8378770664093453
 
 
@@ -434,3 +436,601 @@ cdef class PaperFilter:
                     product_add(1.0, &self.clean[0], &self.value[i, 0], &self.variance[0], n)
                 for d in range(n):
                     std[h, d] = sqrt(self.variance[d]) if self.variance[d] > 0 else 0
+
+
+cdef class ArrowFilter:
+    """Extended Kalman filter over phase, phase velocity, style, and residual states of every channel.
+
+    The common state is ``c = (phase, velocity, z)`` with the style ``w = w0 + S z``, z of J components with unit
+    prior variance. Channel d adds its own n = 3 + 2 K states u_d: a slow offset, a fast residual and its velocity,
+    and K harmonics of a personal cycle:
+
+        y_d = m_d(phase) + sum_j z_j b_jd(phase) + offset_d + fast_d + sum_k (a_kd cos k phase + b_kd sin k phase)
+              + white noise
+
+    Given c the u_d of different channels are kept independent: ``u_d | c ~ N(b_d + A_d (c - mean), V_d)``. An
+    update keeps this exactly; a time step with process noise on c is projected back to it, with every marginal of
+    (c, u_d) exact. docs/phase_style.md derives both.
+
+    Parameters
+    ----------
+    table : Table
+        J + 1 bases over phase: the mean, then those of z.
+    offset, fast, noise : ndarray, shape (D,)
+        Variances, rad^2.
+    personal : ndarray, shape (K, D)
+        Variance of each coefficient of harmonic k.
+    rates : sequence of 4 floats
+        Decay of offset, fast residual, personal cycle and style, 1/s.
+    acceleration : float
+        Density of the phase acceleration.
+    bounds : (float, float)
+        Lowest and highest phase velocity.
+    """
+
+    cdef readonly Table table
+    cdef readonly double innovation, log_likelihood
+    cdef readonly int styles, states, channels, common, harmonics
+    cdef double offset_rate, fast_rate, personal_rate, style_rate, acceleration, lowest, highest
+    cdef const double[::1] offset, fast, noise
+    cdef const double[:, ::1] personal
+    cdef double[::1] c, age, work, delta
+    cdef double[:, ::1] P, precision, matrix, factor
+    cdef double[:, ::1] u
+    cdef double[:, :, ::1] A, V
+    cdef double[:, ::1] value, g, wide, gain, vs
+    cdef double[::1] slope, error, inverse, row, s
+    cdef int turn
+    cdef bint fresh
+
+    def __init__(self, Table table, offset, fast, personal, noise, rates, double acceleration, bounds):
+        cdef int n, m, D
+        self.table = table
+        self.styles = table.count - 1
+        self.channels = D = table.channels
+        self.offset = np.ascontiguousarray(offset, dtype=float)
+        self.fast = np.ascontiguousarray(fast, dtype=float)
+        self.personal = np.ascontiguousarray(personal, dtype=float).reshape(-1, D)
+        self.noise = np.ascontiguousarray(noise, dtype=float)
+        self.harmonics = self.personal.shape[0]
+        self.states = n = 3 + 2 * self.harmonics
+        self.common = m = 2 + self.styles
+        if m > 60:
+            raise ValueError(f'at most 58 styles, got {self.styles}')
+        self.offset_rate, self.fast_rate, self.personal_rate, self.style_rate = rates
+        self.acceleration = acceleration
+        self.lowest, self.highest = bounds
+        self.c, self.work, self.delta = np.zeros(m), np.zeros(m), np.zeros(m)
+        self.age = np.zeros(max(self.styles, 1))
+        self.P, self.precision, self.matrix, self.factor = (np.zeros((m, m)) for _ in range(4))
+        self.u = np.zeros((n, D))
+        self.A, self.V = np.zeros((n, m, D)), np.zeros((n, n, D))
+        self.value, self.g, self.wide = np.zeros((m, D)), np.zeros((m, D)), np.zeros((max(n, m) * 3, D))
+        self.gain, self.vs = np.zeros((n, D)), np.zeros((n, D))
+        self.slope, self.error, self.inverse, self.row = (np.zeros(D) for _ in range(4))
+        self.s = np.zeros(n)
+        self.turn = 0
+        self.start(0.0, 0.5 * (self.lowest + self.highest), 1.0, 1.0)
+
+    def start(self, double phase, double velocity, double phase_variance, double velocity_variance):
+        """Begin anew: style and residual states at their priors, a covariance of any correlation forgotten."""
+        cdef int a, d, k
+        self.c[:] = 0
+        self.P[:, :] = 0
+        for a in range(self.common):
+            self.P[a, a] = 1
+        self.c[0], self.c[1] = phase, velocity
+        self.P[0, 0], self.P[1, 1] = phase_variance, velocity_variance
+        self.age[:] = 0
+        self.u[:, :] = 0
+        self.A[:, :, :] = 0
+        self.V[:, :, :] = 0
+        for d in range(self.channels):
+            self.V[0, 0, d] = self.offset[d]
+            self.V[1, 1, d] = self.fast[d]
+            self.V[2, 2, d] = self.fast[d] * self.fast_rate * self.fast_rate
+            for k in range(self.harmonics):
+                self.V[3 + 2 * k, 3 + 2 * k, d] = self.personal[k, d]
+                self.V[4 + 2 * k, 4 + 2 * k, d] = self.personal[k, d]
+        self.innovation, self.log_likelihood = NAN, 0
+        self.fresh = False
+        self._bound()
+
+    @property
+    def state(self):
+        """Mean of the common state, shape (2 + J,)."""
+        return np.array(self.c)
+
+    @property
+    def covariance(self):
+        """Covariance of the common state, shape (2 + J, 2 + J)."""
+        return np.array(self.P)
+
+    @property
+    def residuals(self):
+        """Mean of the residual states, shape (3 + 2 K, D)."""
+        return np.array(self.u)
+
+    def marginal(self, int channel):
+        """Mean and covariance of (c, u_d), of length 2 + J + 3 + 2 K."""
+        A = np.array(self.A[:, :, channel])
+        V = np.array(self.V[:, :, channel])
+        V = np.tril(V) + np.tril(V, -1).T
+        P = self.covariance
+        cross = A @ P
+        return (np.concatenate([self.state, self.u[:, channel]]),
+                np.block([[P, cross.T], [cross, V + cross @ A.T]]))
+
+    cdef void _bound(self) noexcept nogil:
+        if self.table.rhythmic:
+            self.c[0] = wrapped(self.c[0])
+        elif self.c[0] < 0:
+            self.c[0] = 0
+        elif self.c[0] > 1:
+            self.c[0] = 1
+        if self.c[1] < self.lowest:
+            self.c[1] = self.lowest
+        elif self.c[1] > self.highest:
+            self.c[1] = self.highest
+
+    cdef int _invert(self) noexcept nogil:
+        """Precision of the common state from its covariance."""
+        cdef int i, j, m = self.common
+        for i in range(m):
+            for j in range(m):
+                self.matrix[i, j] = self.P[i, j]
+        if cholesky(&self.matrix[0, 0], m):
+            return 1
+        cholesky_inverse(&self.matrix[0, 0], &self.precision[0, 0], m)
+        return 0
+
+    def update(self, const double[::1] y, const unsigned char[::1] observed, double dt):
+        """Advance by ``dt`` seconds and take one observation; channels not observed are marginalised exactly.
+
+        Parameters
+        ----------
+        y : ndarray, shape (D,)
+        observed : ndarray of uint8, shape (D,)
+        dt : float
+            0 or more.
+        """
+        cdef int status
+        if not self.fresh:
+            if self._invert():
+                raise ArithmeticError('the covariance of phase and style is not positive definite')
+            self.fresh = True
+        with nogil:
+            status = 0
+            if dt > 0:
+                status = self._advance(dt)
+            if status == 0:
+                status = self._observe(&y[0], &observed[0])
+        if status:
+            raise ArithmeticError('the covariance of phase and style is not positive definite')
+
+    cdef int _advance(self, double dt) noexcept nogil:
+        cdef int i, j, a, b, k, r, m = self.common, n = self.states, D = self.channels, drift = -1
+        cdef double l11, l21, l22, root, rho = 1, spread = 0, total, q
+        cdef double load[3][3]      # square root of Q in the rows phase, velocity, drifting style
+        cdef double inner[9]
+        cdef double back[3][3]      # rows of F^-1 Qs chol(I - Qs^T P^-1 Qs)
+        cdef int rows[3]
+        cdef double mix[3][64]
+        cdef double f11, f12, f21, f22, g0, gp, decay, ga, gb
+        cdef double* AL
+        # common state: F, then Q
+        if self.styles:
+            for j in range(self.styles):
+                self.age[j] += dt
+            drift = self.turn % self.styles
+            self.turn = (drift + 1) % self.styles
+            rho = exp(-self.style_rate * self.age[drift])
+            spread = sqrt(1 - rho * rho) if rho < 1 else 0
+            self.age[drift] = 0
+        self.c[0] += dt * self.c[1]
+        for i in range(m):
+            self.P[0, i] += dt * self.P[1, i]
+        for i in range(m):
+            self.P[i, 0] += dt * self.P[i, 1]
+        if drift >= 0:
+            self.c[2 + drift] *= rho
+            for i in range(m):
+                self.P[2 + drift, i] *= rho
+            for i in range(m):
+                self.P[i, 2 + drift] *= rho
+        q = sqrt(self.acceleration)
+        l11 = q * sqrt(dt * dt * dt / 3)
+        l21 = q * sqrt(3 * dt) / 2
+        l22 = q * sqrt(dt) / 2
+        self.P[0, 0] += l11 * l11
+        self.P[0, 1] += l11 * l21
+        self.P[1, 0] += l11 * l21
+        self.P[1, 1] += l21 * l21 + l22 * l22
+        if drift >= 0:
+            self.P[2 + drift, 2 + drift] += spread * spread
+        if self._invert():
+            return 1
+        rows[0], rows[1], rows[2] = 0, 1, 2 + drift if drift >= 0 else 0
+        for i in range(3):
+            for j in range(3):
+                load[i][j] = 0
+        load[0][0], load[1][0], load[1][1], load[2][2] = l11, l21, l22, spread if drift >= 0 else 0
+        # mix = Qs^T P^-1 (3 x m); inner = I - Qs^T P^-1 Qs
+        for r in range(3):
+            for j in range(m):
+                mix[r][j] = load[0][r] * self.precision[0, j] + load[1][r] * self.precision[1, j] \
+                    + load[2][r] * self.precision[rows[2], j]
+        for r in range(3):
+            for k in range(3):
+                total = mix[r][0] * load[0][k] + mix[r][1] * load[1][k] + mix[r][rows[2]] * load[2][k]
+                inner[r * 3 + k] = (1.0 if r == k else 0.0) - total
+        if cholesky(inner, 3):
+            return 1
+        for i in range(3):
+            for r in range(3):
+                back[i][r] = load[i][0] * inner[r] + load[i][1] * inner[3 + r] + load[i][2] * inner[6 + r]
+        for r in range(3):  # F^-1 on the rows phase and drifting style
+            back[0][r] -= dt * back[1][r]
+            back[2][r] /= rho
+        # decays of the residual states
+        g0 = exp(-self.offset_rate * dt)
+        gp = exp(-self.personal_rate * dt)
+        decay = exp(-self.fast_rate * dt)
+        f11 = decay * (1 + self.fast_rate * dt)
+        f12 = decay * dt
+        f21 = -decay * self.fast_rate * self.fast_rate * dt
+        f22 = decay * (1 - self.fast_rate * dt)
+        AL = &self.wide[0, 0]  # (n, 3, D): A times the part of c that the new c does not tell
+        for a in range(n):
+            for r in range(3):
+                scale(back[0][r], &self.A[a, 0, 0], AL + (a * 3 + r) * D, D)
+                axpy(back[1][r], &self.A[a, 1, 0], AL + (a * 3 + r) * D, D)
+                if drift >= 0:
+                    axpy(back[2][r], &self.A[a, rows[2], 0], AL + (a * 3 + r) * D, D)
+        for a in range(n):
+            for b in range(a + 1):
+                for r in range(3):
+                    product_add(1.0, AL + (a * 3 + r) * D, AL + (b * 3 + r) * D, &self.V[a, b, 0], D)
+        # A <- A F^-1 (I - Qs Qs^T P^-1)
+        for a in range(n):
+            axpy(-dt, &self.A[a, 0, 0], &self.A[a, 1, 0], D)
+            if drift >= 0 and rho < 1:
+                scale(1 / rho, &self.A[a, rows[2], 0], AL, D)
+                scale(1.0, AL, &self.A[a, rows[2], 0], D)
+            for r in range(3):
+                scale(load[0][r], &self.A[a, 0, 0], AL + r * D, D)
+                axpy(load[1][r], &self.A[a, 1, 0], AL + r * D, D)
+                if drift >= 0:
+                    axpy(load[2][r], &self.A[a, rows[2], 0], AL + r * D, D)
+            for i in range(m):
+                axpy2(-mix[0][i], AL, -mix[1][i], AL + D, &self.A[a, i, 0], D)
+                if drift >= 0:
+                    axpy(-mix[2][i], AL + 2 * D, &self.A[a, i, 0], D)
+        # A <- G A, u <- G u
+        for i in range(-1, m):
+            for a in range(n):
+                if a == 1:
+                    self._rotate(f11, f12, f21, f22, self._part(1, i), self._part(2, i))
+                elif a != 2:
+                    scale(g0 if a == 0 else gp, self._part(a, i), &self.row[0], D)
+                    scale(1.0, &self.row[0], self._part(a, i), D)
+        # V <- G V G^T + Q
+        for a in range(n):
+            ga = g0 if a == 0 else gp
+            for b in range(a + 1):
+                gb = g0 if b == 0 else gp
+                if a == 1 or a == 2 or b == 1 or b == 2:
+                    continue
+                scale(ga * gb, &self.V[a, b, 0], &self.row[0], D)
+                scale(1.0, &self.row[0], &self.V[a, b, 0], D)
+        self._rotate(f11 * g0, f12 * g0, f21 * g0, f22 * g0, &self.V[1, 0, 0], &self.V[2, 0, 0])
+        for a in range(3, n):
+            self._rotate(f11 * gp, f12 * gp, f21 * gp, f22 * gp, &self.V[a, 1, 0], &self.V[a, 2, 0])
+        self._fast_block(f11, f12, f21, f22)
+        axpy(1 - g0 * g0, &self.offset[0], &self.V[0, 0, 0], D)
+        for k in range(self.harmonics):
+            axpy(1 - gp * gp, &self.personal[k, 0], &self.V[3 + 2 * k, 3 + 2 * k, 0], D)
+            axpy(1 - gp * gp, &self.personal[k, 0], &self.V[4 + 2 * k, 4 + 2 * k, 0], D)
+        self._bound()
+        return 0
+
+    cdef inline double* _part(self, int a, int i) noexcept nogil:
+        """Row a of A's column i, or of u for i = -1."""
+        return &self.u[a, 0] if i < 0 else &self.A[a, i, 0]
+
+    cdef void _rotate(self, double f11, double f12, double f21, double f22, double* x, double* z) noexcept nogil:
+        cdef int D = self.channels
+        scale(f11, x, &self.row[0], D)
+        axpy(f12, z, &self.row[0], D)
+        scale(f22, z, &self.error[0], D)
+        axpy(f21, x, &self.error[0], D)
+        scale(1.0, &self.row[0], x, D)
+        scale(1.0, &self.error[0], z, D)
+
+    cdef void _fast_block(self, double f11, double f12, double f21, double f22) noexcept nogil:
+        """The 2 x 2 block of the fast residual: V <- F V F^T + fast (S - F S F^T), S = diag(1, rate^2)."""
+        cdef int d
+        cdef double v11, v21, v22, r2 = self.fast_rate * self.fast_rate
+        cdef double q11 = 1 - f11 * f11 - r2 * f12 * f12
+        cdef double q21 = -f21 * f11 - r2 * f22 * f12
+        cdef double q22 = r2 - f21 * f21 - r2 * f22 * f22
+        for d in range(self.channels):
+            v11, v21, v22 = self.V[1, 1, d], self.V[2, 1, d], self.V[2, 2, d]
+            self.V[1, 1, d] = f11 * f11 * v11 + 2 * f11 * f12 * v21 + f12 * f12 * v22 + q11 * self.fast[d]
+            self.V[2, 1, d] = f21 * f11 * v11 + (f21 * f12 + f22 * f11) * v21 + f22 * f12 * v22 + q21 * self.fast[d]
+            self.V[2, 2, d] = f21 * f21 * v11 + 2 * f21 * f22 * v21 + f22 * f22 * v22 + q22 * self.fast[d]
+
+    cdef void _weights(self, double phase) noexcept nogil:
+        """How the residual states enter an observation."""
+        cdef int k
+        self.s[0], self.s[1], self.s[2] = 1, 1, 0
+        for k in range(self.harmonics):
+            self.s[3 + 2 * k] = cos((k + 1) * phase)
+            self.s[4 + 2 * k] = sin((k + 1) * phase)
+
+    cdef void _linearise(self, double phase) noexcept nogil:
+        """Bases in ``value`` (mean first), the whole derivative by phase in ``slope``, weights in ``s``."""
+        cdef int k
+        self.table.look_up(phase, &self.value[0, 0], NULL)
+        self.work[0] = 1
+        for k in range(self.styles):
+            self.work[1 + k] = self.c[2 + k]
+        self.table.weighted_slope(phase, &self.work[0], &self.slope[0])
+        self._weights(phase)
+        for k in range(self.harmonics):
+            axpy2(-(k + 1) * self.s[4 + 2 * k], &self.u[3 + 2 * k, 0],
+                  (k + 1) * self.s[3 + 2 * k], &self.u[4 + 2 * k, 0], &self.slope[0], self.channels)
+
+    cdef int _observe(self, const double* y, const unsigned char* observed) noexcept nogil:
+        cdef int i, j, a, b, d, m = self.common, n = self.states, D = self.channels, seen = 0
+        cdef double squares = 0, logs = 0, total
+        self._linearise(self.c[0])
+        # expected observation, in row
+        scale(1.0, &self.value[0, 0], &self.row[0], D)
+        for j in range(self.styles):
+            axpy(self.c[2 + j], &self.value[1 + j, 0], &self.row[0], D)
+        for a in range(n):
+            if a != 2:
+                axpy(self.s[a], &self.u[a, 0], &self.row[0], D)
+        # sensitivity to the common state, directly and through what it tells of the residual states
+        scale(1.0, &self.slope[0], &self.g[0, 0], D)
+        scale(0.0, &self.slope[0], &self.g[1, 0], D)
+        for j in range(self.styles):
+            scale(1.0, &self.value[1 + j, 0], &self.g[2 + j, 0], D)
+        for i in range(m):
+            for a in range(n):
+                if a != 2:
+                    axpy(self.s[a], &self.A[a, i, 0], &self.g[i, 0], D)
+        # V s and the innovation's variance given the common state
+        scale(1.0, &self.noise[0], &self.inverse[0], D)
+        for a in range(n):
+            scale(self.s[0], &self.V[a, 0, 0], &self.vs[a, 0], D)
+            for b in range(1, n):
+                if b != 2:
+                    axpy(self.s[b], &self.V[a, b, 0] if b <= a else &self.V[b, a, 0], &self.vs[a, 0], D)
+            if a != 2:
+                axpy(self.s[a], &self.vs[a, 0], &self.inverse[0], D)
+        for d in range(D):
+            if observed[d]:
+                seen += 1
+                logs += log(self.inverse[d])
+                self.inverse[d] = 1 / self.inverse[d]
+                self.error[d] = y[d] - self.row[d]
+                squares += self.error[d] * self.error[d] * self.inverse[d]
+            else:
+                self.inverse[d] = 0
+                self.error[d] = 0
+        if seen == 0:
+            self.innovation, self.log_likelihood = NAN, 0
+            return 0
+        # common state in information form
+        for i in range(m):
+            product(&self.g[i, 0], &self.inverse[0], &self.row[0], D)
+            self.delta[i] = dot(&self.row[0], &self.error[0], D)
+            self.work[i] = self.delta[i]
+            for j in range(i + 1):
+                self.matrix[i, j] = dot(&self.row[0], &self.g[j, 0], D)
+        # log det of P^-1 before and after gives that of the innovation's covariance
+        for i in range(m):
+            for j in range(i + 1):
+                self.factor[i, j] = self.precision[i, j]
+                self.matrix[i, j] += self.precision[i, j]
+                self.matrix[j, i] = self.matrix[i, j]
+        if cholesky(&self.factor[0, 0], m) or cholesky(&self.matrix[0, 0], m):
+            return 1
+        for i in range(m):
+            logs += 2 * (log(self.matrix[i, i]) - log(self.factor[i, i]))
+        cholesky_inverse(&self.matrix[0, 0], &self.P[0, 0], m)
+        for i in range(m):
+            for j in range(i):
+                total = 0.5 * (self.P[i, j] + self.P[j, i])
+                self.P[i, j] = total
+                self.P[j, i] = total
+        cholesky_solve(&self.matrix[0, 0], &self.delta[0], m)
+        total = 0
+        for i in range(m):
+            total += self.delta[i] * self.work[i]
+        squares -= total
+        self.innovation = squares / seen
+        self.log_likelihood = -0.5 * (squares + logs + seen * LOG_TWO_PI)
+        # residual states given the new common state
+        for i in range(m):
+            self.c[i] += self.delta[i]
+            axpy(-self.delta[i], &self.g[i, 0], &self.error[0], D)
+        for a in range(n):
+            product(&self.vs[a, 0], &self.inverse[0], &self.gain[a, 0], D)
+            for i in range(m):
+                axpy(self.delta[i], &self.A[a, i, 0], &self.u[a, 0], D)
+                product_subtract(&self.gain[a, 0], &self.g[i, 0], &self.A[a, i, 0], D)
+            # (the error of a channel not observed may be anything: its gain is zero)
+            product_add(1.0, &self.gain[a, 0], &self.error[0], &self.u[a, 0], D)
+            for b in range(a + 1):
+                product_subtract(&self.gain[a, 0], &self.vs[b, 0], &self.V[a, b, 0], D)
+        self._bound()
+        return 0
+
+    def predict(self, const double[::1] horizons, double[:, ::1] mean, double[:, ::1] std,
+                double[:, ::1] velocity):
+        """Predict observations.
+
+        Parameters
+        ----------
+        horizons : ndarray, shape (H,)
+            s. With more than nine in increasing order the standard deviation is evaluated at nine of them and
+            linear in between.
+        mean, std, velocity : ndarray, shape (H, D)
+            Filled in.
+        """
+        cdef int h, k, d, H = horizons.shape[0], i, j, last = 0, D = self.channels
+        cdef int knots = H if H <= KNOTS else KNOTS
+        cdef double share
+        for i in range(self.common):
+            for j in range(self.common):
+                self.factor[i, j] = self.P[i, j]
+        if cholesky(&self.factor[0, 0], self.common):
+            raise ArithmeticError('the covariance of phase and style is not positive definite')
+        for h in range(1, H):
+            if horizons[h] < horizons[h - 1]:
+                knots = H
+        with nogil:
+            for k in range(knots):
+                h = k * (H - 1) // (knots - 1) if knots > 1 else 0
+                self._predict_one(horizons[h], &mean[h, 0], &std[h, 0], &velocity[h, 0], True)
+                for i in range(last + 1, h):
+                    self._predict_one(horizons[i], &mean[i, 0], &std[i, 0], &velocity[i, 0], False)
+                    share = (horizons[i] - horizons[last]) / (horizons[h] - horizons[last])
+                    scale(1 - share, &std[last, 0], &std[i, 0], D)
+                    axpy(share, &std[h, 0], &std[i, 0], D)
+                last = h
+
+    cdef void _predict_one(self, double ahead, double* mean, double* std, double* velocity,
+                           bint spread) noexcept nogil:
+        cdef int i, j, a, b, k, d, m = self.common, n = self.states, D = self.channels
+        cdef double phase = self.c[0] + ahead * self.c[1], speed = self.c[1]
+        cdef double rho = exp(-self.style_rate * ahead), g0 = exp(-self.offset_rate * ahead)
+        cdef double gp = exp(-self.personal_rate * ahead), decay = exp(-self.fast_rate * ahead)
+        cdef double f11 = decay * (1 + self.fast_rate * ahead), f12 = decay * ahead
+        cdef double f21 = -decay * self.fast_rate * self.fast_rate * ahead, f22 = decay * (1 - self.fast_rate * ahead)
+        cdef double wander = self.acceleration * ahead * ahead * ahead / 3
+        cdef double r2 = self.fast_rate * self.fast_rate
+        cdef double q0 = 1 - g0 * g0, qf = 1 - f11 * f11 - r2 * f12 * f12, qp = 1 - gp * gp
+        if not self.table.rhythmic and (phase >= 1 or phase <= 0):
+            phase = 1 if phase >= 1 else 0
+            speed = 0
+        self.table.look_up(phase, &self.value[0, 0], NULL)
+        self.work[0] = 1
+        for j in range(self.styles):
+            self.work[1 + j] = rho * self.c[2 + j]
+        self.table.weighted_slope(phase, &self.work[0], &self.slope[0])
+        self._weights(phase)
+        # residual states: weights of today's states
+        self.s[0] = g0
+        self.s[1], self.s[2] = f11, f12
+        for k in range(2 * self.harmonics):
+            self.s[3 + k] *= gp
+        for k in range(self.harmonics):
+            axpy2(-(k + 1) * self.s[4 + 2 * k], &self.u[3 + 2 * k, 0],
+                  (k + 1) * self.s[3 + 2 * k], &self.u[4 + 2 * k, 0], &self.slope[0], D)
+        scale(1.0, &self.value[0, 0], mean, D)
+        scale(speed, &self.slope[0], velocity, D)
+        axpy2(f21, &self.u[1, 0], f22, &self.u[2, 0], velocity, D)
+        axpy(-self.offset_rate * g0, &self.u[0, 0], velocity, D)
+        for a in range(3, n):
+            axpy(-self.personal_rate * self.s[a], &self.u[a, 0], velocity, D)
+        for j in range(self.styles):
+            axpy(-self.style_rate * self.work[1 + j], &self.value[1 + j, 0], velocity, D)
+        for j in range(self.styles):
+            axpy(self.work[1 + j], &self.value[1 + j, 0], mean, D)
+        for a in range(n):
+            axpy(self.s[a], &self.u[a, 0], mean, D)
+        if not spread:
+            return
+        scale(1.0, &self.slope[0], &self.g[0, 0], D)
+        scale(ahead, &self.slope[0], &self.g[1, 0], D)
+        for j in range(self.styles):
+            scale(rho, &self.value[1 + j, 0], &self.g[2 + j, 0], D)
+        for i in range(m):
+            for a in range(n):
+                axpy(self.s[a], &self.A[a, i, 0], &self.g[i, 0], D)
+        scale(1.0, &self.noise[0], std, D)
+        axpy2(q0, &self.offset[0], qf, &self.fast[0], std, D)
+        for k in range(self.harmonics):
+            axpy(qp, &self.personal[k, 0], std, D)
+        product_add(wander, &self.slope[0], &self.slope[0], std, D)
+        if rho < 1:
+            for j in range(self.styles):
+                product_add(1 - rho * rho, &self.value[1 + j, 0], &self.value[1 + j, 0], std, D)
+        for i in range(m):  # g^T P g with P = C C^T
+            scale(self.factor[i, i], &self.g[i, 0], &self.row[0], D)
+            for j in range(i + 1, m):
+                axpy(self.factor[j, i], &self.g[j, 0], &self.row[0], D)
+            square_add(&self.row[0], std, D)
+        for a in range(n):
+            scale(self.s[a], &self.V[a, a, 0], &self.row[0], D)
+            for b in range(a):
+                axpy(2 * self.s[b], &self.V[a, b, 0], &self.row[0], D)
+            axpy(self.s[a], &self.row[0], std, D)
+        for d in range(D):
+            std[d] = sqrt(std[d]) if std[d] > 0 else 0
+
+
+def rank_phases(const double[:, ::1] mean, const double[:, ::1] posture, const double[::1] change,
+                const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back,
+                double velocity, const double[::1] phases, bint rhythmic, double[::1] scores):
+    """Rank phases at a quick glance: how well the mean motion explains the last samples.
+
+    The deviation from the mean motion is split for every channel into its average over the samples (posture and
+    style) and the rest (change), each Gaussian; channels are taken as independent.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (N + 1, D)
+        Mean motion at equidistant phases.
+    posture : ndarray, shape (N + 1, D)
+        Variance of the average deviation.
+    change : ndarray, shape (D,)
+        Variance of the rest.
+    y : ndarray, shape (S, D)
+        The last samples.
+    observed : ndarray of uint8, shape (S, D)
+    back : ndarray, shape (S,)
+        Time from each sample to the last one, s.
+    velocity : float
+        Assumed phase velocity.
+    phases : ndarray, shape (P,)
+        Assumed phases at the last sample.
+    rhythmic : bool
+    scores : ndarray, shape (P,)
+        Filled with log likelihoods.
+    """
+    cdef int p, k, d, node, here = 0, samples = y.shape[0], D = y.shape[1], N = mean.shape[0] - 1
+    cdef double phase, error, total
+    cdef double[::1] count = np.zeros(D), first = np.zeros(D), second = np.zeros(D)
+    with nogil:
+        for p in range(phases.shape[0]):
+            for d in range(D):
+                count[d] = 0
+                first[d] = 0
+                second[d] = 0
+            for k in range(samples):
+                phase = phases[p] - velocity * back[k]
+                if rhythmic:
+                    node = <int>(wrapped(phase) * (N / TWO_PI) + 0.5)
+                else:
+                    phase = 0 if phase < 0 else (1 if phase > 1 else phase)
+                    node = <int>(phase * N + 0.5)
+                if k == samples - 1:
+                    here = node
+                for d in range(D):
+                    error = (y[k, d] - mean[node, d]) if observed[k, d] else 0
+                    count[d] += observed[k, d]
+                    first[d] += error
+                    second[d] += error * error
+            total = 0
+            for d in range(D):
+                if count[d] > 0:
+                    error = first[d] / count[d]
+                    total -= 0.5 * (error * error / posture[here, d] + log(posture[here, d])
+                                    + (second[d] - first[d] * error) / change[d]
+                                    + (count[d] - 1) * log(change[d]))
+            scores[p] = total

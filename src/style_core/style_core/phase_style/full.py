@@ -1,0 +1,130 @@
+"""The full filter's parts: style prior, bases in whitened style coordinates, one filter of a behaviour."""
+import numpy as np
+
+from style_core.errors import ModelError
+from style_core.phase_style.kernel import ArrowFilter, Table
+from style_core.phase_style.model import Behaviour, Residual
+from style_core.phase_style.table import BasisTable, tabulate
+
+__all__ = ['style_prior', 'whitened', 'make_filter', 'still_behaviour', 'PARTS']
+
+#: Parts of the full filter that can be switched off, to see what each is worth.
+PARTS = ('prior', 'offset', 'fast', 'personal', 'drift', 'calibration', 'search', 'restart', 'still')
+
+
+def style_prior(styles, groups, factor):
+    """Gaussian prior of a new person's style.
+
+    Every group (person) has the same weight, however many sequences it has.
+
+    Parameters
+    ----------
+    styles : ndarray, shape (S, J)
+    groups : sequence of str, length S
+    factor : float
+        On the covariance.
+
+    Returns
+    -------
+    mean : ndarray, shape (J,)
+    root : ndarray, shape (J, J)
+        ``root @ root.T`` is the covariance; 2 % of the mean variance are added to every direction.
+    """
+    groups = np.asarray(groups)
+    weight = np.array([1 / np.sum(groups == group) for group in groups])
+    weight /= weight.sum()
+    mean = weight @ styles
+    centred = styles - mean
+    covariance = (centred * weight[:, None]).T @ centred * factor
+    floor = max(0.02 * np.trace(covariance) / len(covariance), 1e-12)
+    return mean, np.linalg.cholesky(covariance + floor * np.eye(len(covariance)))
+
+
+def whitened(table, mean, root):
+    """Table of the mean motion and of the bases of ``z`` where ``style = mean + root z``, J + 1 in all."""
+    mix = np.vstack([mean, root.T])
+    values, slopes = (np.ascontiguousarray(np.einsum('ij,njd->nid', mix, part))
+                      for part in (table.values, table.slopes))
+    return BasisTable(values, slopes, np.zeros((len(values), len(mix))), table.rhythmic)
+
+
+def make_filter(behaviour, table, without=()):
+    """A filter with a behaviour's residual model.
+
+    Parameters
+    ----------
+    behaviour : Behaviour
+    table : Table
+        Of whitened bases.
+    without : collection of str
+        Some of `PARTS` to leave out.
+
+    Returns
+    -------
+    ArrowFilter
+    """
+    residual = behaviour.residual
+    if residual is None:
+        raise ModelError(f'behaviour {behaviour.name!r} has no residual model: train it again, or use method paper')
+    tiny = 1e-10
+    harmonics = np.outer(residual.personal_share, residual.personal)
+    if 'personal' in without or not behaviour.rhythmic:
+        harmonics = np.zeros((0, len(behaviour.joint_names)))
+    noise = residual.noise
+    if 'offset' in without and 'fast' in without:
+        noise = noise + residual.offset + residual.fast  # white noise has to carry what they would
+    return ArrowFilter(
+        table, np.full_like(noise, tiny) if 'offset' in without else residual.offset,
+        np.full_like(noise, tiny) if 'fast' in without else residual.fast, harmonics, noise,
+        (residual.offset_decay, residual.fast_decay, residual.personal_decay,
+         0.0 if 'drift' in without else residual.style_decay),
+        behaviour.acceleration, (behaviour.velocity[2], behaviour.velocity[3]))
+
+
+def filter_table(behaviour, without=()):
+    """Whitened `BasisTable` of a behaviour."""
+    factor = behaviour.residual.style_scale if behaviour.residual is not None else 1.0
+    if 'prior' in without:
+        factor = 1e4
+    return whitened(tabulate(behaviour.processes(), behaviour.rhythmic),
+                    *style_prior(behaviour.styles, behaviour.groups, factor))
+
+
+def still_behaviour(behaviours):
+    """Standing still: any posture that the behaviours show, kept.
+
+    Posture varies as over all phases and styles of the behaviours; it wanders as their slow offsets do.
+
+    Parameters
+    ----------
+    behaviours : list of Behaviour
+        With residual models.
+
+    Returns
+    -------
+    Behaviour
+        Named ``'still'``, with a phase that does not move.
+    """
+    poses = np.concatenate([np.einsum('sj,jcd->scd', one.styles, one.bases).reshape(-1, len(one.joint_names))
+                            for one in behaviours])
+    first = behaviours[0]
+    channels = len(first.joint_names)
+    noise = np.mean([one.residual.noise for one in behaviours], axis=0)
+    fast = np.mean([one.residual.fast for one in behaviours], axis=0)
+    spread = poses.var(axis=0) + np.mean([one.residual.offset for one in behaviours], axis=0)
+    bases = np.broadcast_to(poses.mean(axis=0), (1, 8, channels)).copy()
+    residual = Residual(
+        offset=spread, fast=0.1 * fast, personal=np.zeros(channels), noise=noise, offset_decay=0.02,
+        fast_decay=first.residual.fast_decay, personal_decay=0.0, style_decay=0.0, personal_share=np.zeros(0),
+        style_scale=0.0, calibration_horizon=np.zeros(1), calibration_scale=np.ones(1))
+    return Behaviour(
+        name='still', rhythmic=False, joint_names=first.joint_names, rate_hz=first.rate_hz, sequences=('still',),
+        groups=('still',), styles=np.ones((1, 1)), singular_values=np.ones(1), phase_grid=np.linspace(0, 1, 8),
+        bases=bases, beta=np.array([[float(np.mean(poses ** 2)) + 1e-6, 0.01, 1e6]]), noise=noise,
+        acceleration=1e-9, velocity=np.array([0.0, 1e-3, 0.0, 0.0]), residual=residual)
+
+
+def filter_for(behaviour, without=()):
+    """Table and filter of a behaviour in one go; returns ``(Table, ArrowFilter)``."""
+    table = Table(filter_table(behaviour, without))
+    return table, make_filter(behaviour, table, without)

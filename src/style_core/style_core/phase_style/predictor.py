@@ -1,0 +1,347 @@
+"""The full predictor: several behaviours, a search over phase and speed, detection of loss, one filter that leads."""
+import math
+
+import numpy as np
+
+from style_core.errors import ModelError
+from style_core.phase_style.full import PARTS, filter_table, make_filter, still_behaviour, style_prior
+from style_core.phase_style.kernel import Table, rank_phases
+from style_core.phase_style.online import GAP_S, InnovationMonitor, ObservationGate
+from style_core.predictor import Estimate, Prediction, Status
+
+__all__ = ['FullPredictor']
+
+#: Samples kept for starting a hypothesis in the past, and their smallest distance, s.
+WINDOW = 10
+SPACING_S = 1 / 60 - 1e-3
+#: Hypotheses that run at a time, and filter updates spent on one observation at most.
+LIVE = 3
+BUDGET = 4
+#: Phases tried a behaviour, and speeds as multiples of the training spread around the mean.
+PHASES = 32
+SPEEDS = (0.0, -1.2, 1.2)
+#: A hypothesis is given up when this many nats behind (per effective sample), and the search ends when one is left
+#: or after this time, s.
+BEHIND = 8.0
+SEARCH_S = 0.5
+#: Successive innovations of one filter repeat each other: so many count as one when hypotheses are compared.
+CORRELATED = 5.0
+
+
+class _Glance:
+    """Quick ranking of phases of one behaviour: its mean motion with two variances (see `rank_phases`)."""
+
+    def __init__(self, behaviour, table):
+        residual = behaviour.residual
+        self.behaviour = behaviour
+        self.mean = np.ascontiguousarray(table.values[:, 0])
+        self.posture = np.ascontiguousarray(
+            np.sum(table.values[:, 1:] ** 2, axis=1) + residual.offset + residual.fast + residual.personal)
+        self.change = residual.fast + residual.noise + 0.5 * residual.personal
+        mean, spread, low, high = behaviour.velocity
+        if high <= 0:
+            self.phases, self.speeds, self.width = np.zeros(1), [0.0], 0.1
+        elif behaviour.rhythmic:
+            self.phases = np.arange(PHASES) * 2 * np.pi / PHASES
+            self.speeds = [min(max(mean + factor * spread, low), high) for factor in SPEEDS]
+            self.width = 2 * np.pi / PHASES
+        else:
+            self.phases, self.speeds, self.width = np.arange(PHASES) / PHASES, [mean], 1 / PHASES
+        self.scores = np.empty(len(self.phases))
+
+    def best(self, y, observed, back, speed):
+        """Best phase at the last sample and its score."""
+        rank_phases(self.mean, self.posture, self.change, y, observed, back, speed, self.phases,
+                    self.behaviour.rhythmic, self.scores)
+        index = int(np.argmax(self.scores))
+        return float(self.phases[index]), float(self.scores[index])
+
+
+class _Track:
+    """A hypothesis: a filter, how far it has come, and how well it explained what it saw."""
+
+    __slots__ = ('behaviour', 'filter', 'next', 'score', 'count', 'time', 'born')
+
+    def __init__(self, behaviour, one, first, born):
+        self.behaviour, self.filter = behaviour, one
+        self.next, self.score, self.count, self.time, self.born = first, 0.0, 0, None, born
+
+    def take(self, time, y, observed):
+        """Update with a sample."""
+        self.filter.update(y, observed, 0.0 if self.time is None else max(time - self.time, 0.0))
+        self.time = time
+        self.score += self.filter.log_likelihood
+        self.count += 1
+
+    @property
+    def level(self):
+        """Log likelihood a sample."""
+        return self.score / max(self.count, 1)
+
+
+class FullPredictor:
+    """Phase, style and residual of a moving person, on line.
+
+    Fulfils `style_core.predictor.OnlinePredictor`. One filter leads and is used for estimates and predictions. At
+    the start, and whenever the leader's innovations get out of bounds, other hypotheses (behaviour, phase, speed)
+    are ranked at a quick glance, the best of them run beside the leader from the last samples on, and the likelihood
+    of what was seen decides. The work for this is spread over the observations.
+
+    Parameters
+    ----------
+    behaviours : list of Behaviour
+        With residual models. Standing still is added as a behaviour of its own.
+    without : collection of str
+        Parts of the filter to leave out (`style_core.phase_style.full.PARTS`), for ablation.
+    """
+
+    def __init__(self, behaviours, without=()):
+        unknown = set(without) - set(PARTS)
+        if unknown:
+            raise ValueError(f'{", ".join(sorted(unknown))}: no part of the filter; the parts are {", ".join(PARTS)}')
+        behaviours = list(behaviours)
+        for behaviour in behaviours:
+            if behaviour.residual is None:
+                raise ModelError(f'behaviour {behaviour.name!r} has no residual model: train it again, or use '
+                                 "method 'paper'")
+        self.joint_names = behaviours[0].joint_names
+        if 'still' not in without and all(behaviour.name != 'still' for behaviour in behaviours):
+            behaviours.append(still_behaviour(behaviours))
+        self._without = frozenset(without)
+        self._behaviours = behaviours
+        self._glances, self._pool, self._priors, self._tables = [], [], [], []
+        for behaviour in behaviours:
+            table = filter_table(behaviour, without)
+            self._glances.append(_Glance(behaviour, table))
+            self._priors.append(style_prior(behaviour.styles, behaviour.groups,
+                                            1e4 if 'prior' in without else behaviour.residual.style_scale))
+            table = Table(table)
+            self._tables.append(table)
+            self._pool.append([make_filter(behaviour, table, without) for _ in range(LIVE + 1)])
+        self._slices = [(index, speed) for index, glance in enumerate(self._glances) for speed in glance.speeds]
+        channels = len(self.joint_names)
+        self._gate = ObservationGate(channels)
+        self._monitor = InnovationMonitor()
+        self._y = np.zeros((WINDOW, channels))
+        self._observed = np.zeros((WINDOW, channels), dtype=np.uint8)
+        self._times = np.zeros(WINDOW)
+        self._now = tuple(np.empty((1, channels)) for _ in range(3))
+        self._zero = np.zeros(1)
+        self._leader = None
+        self.reset()
+
+    def reset(self):
+        """Forget everything observed; the next update starts a search."""
+        self._gate.reset()
+        self._forget()
+
+    def _forget(self):
+        self._monitor.reset()
+        self._tracks = []
+        self._leader = None
+        self._free = [list(filters) for filters in self._pool]
+        self._filled = 0          # samples stored since the start of the window
+        self._board = {}          # (behaviour, speed) -> phase, score and time of the last glance
+        self._turn = 0
+        self._searching = True
+        self._status = Status.ACQUIRING
+        self._since = 0.0
+
+    def update(self, time, y, mask=None):
+        """Take one observation (see `style_core.predictor.OnlinePredictor.update`)."""
+        gate = self._gate
+        dt = gate.take(time, y, mask)
+        if dt > GAP_S:
+            self._forget()
+        sampled = self._store()
+        spent = 0
+        leader = self._leader
+        if leader is not None:
+            leader.filter.update(gate.y, gate.observed, max(gate.time - leader.time, 0.0))
+            leader.time = gate.time
+            spent = 1
+            if sampled:
+                leader.score += leader.filter.log_likelihood
+                leader.count += 1
+        if self._searching:
+            self._since += dt
+            if sampled:
+                self._search(BUDGET - spent)
+            self._settle()
+        leader = self._leader
+        if not self._searching:
+            out = self._monitor.add(leader.filter.innovation, dt)
+            if out and 'restart' not in self._without:
+                self._lose()
+        return self._estimate()
+
+    def _store(self):
+        """Keep the observation for the search if it is far enough from the last one and not empty."""
+        gate = self._gate
+        last = (self._filled - 1) % WINDOW
+        if not gate.observed.any() or (self._filled and gate.time - self._times[last] < SPACING_S):
+            return False
+        row = self._filled % WINDOW
+        self._y[row] = gate.y
+        self._y[row][gate.observed == 0] = 0.0
+        self._observed[row] = gate.observed
+        self._times[row] = gate.time
+        self._filled += 1
+        return True
+
+    def _window(self, most=6):
+        """The last samples, oldest first."""
+        count = min(self._filled, WINDOW, most)
+        return np.arange(self._filled - count, self._filled) % WINDOW
+
+    def _search(self, budget):
+        """Glance at some hypotheses, start the best, and let those that run catch up."""
+        rows = self._window()
+        y, observed = self._y[rows], self._observed[rows]
+        back = self._times[rows[-1]] - self._times[rows]
+        # the first glance is at every behaviour and speed; later ones in turn
+        glances = len(self._slices) if not self._board else max(1, len(self._slices) // 3)
+        for _ in range(glances):
+            key = self._slices[self._turn % len(self._slices)]
+            self._turn += 1
+            phase, score = self._glances[key[0]].best(y, observed, back, key[1])
+            self._board[key] = phase, score / len(rows), self._times[rows[-1]]
+        if 'search' not in self._without or not self._tracks:
+            self._start_candidates(rows)
+        tracks = sorted((track for track in self._tracks if track is not self._leader), key=lambda one: one.next,
+                        reverse=True)
+        while budget > 0:
+            behind = [track for track in tracks if track.next < self._filled]
+            if not behind:
+                break
+            for track in behind:
+                if budget <= 0:
+                    break
+                row = track.next % WINDOW
+                track.take(self._times[row], self._y[row], self._observed[row])
+                track.next += 1
+                budget -= 1
+
+    def _start_candidates(self, rows):
+        """Start the best of the board that is not running yet, in place of the worst that runs."""
+        now = self._times[rows[-1]]
+        order = sorted(self._board.items(), key=lambda item: -item[1][1])
+        running = [track for track in self._tracks if track is not self._leader]
+        most = 1 if 'search' in self._without else LIVE
+        for (index, speed), (phase, _, stamp) in order:
+            if len(running) >= most:
+                break
+            behaviour = self._behaviours[index]
+            at = phase + speed * (now - stamp)
+            if any(self._near(track, index, at, speed) for track in self._tracks):
+                continue
+            if not self._free[index]:
+                continue
+            one = self._free[index].pop()
+            first = max(self._filled - len(rows), 0)
+            glance = self._glances[index]
+            one.start(at - speed * (now - self._times[first % WINDOW]), speed, glance.width ** 2,
+                      max(behaviour.velocity[1], 1e-3) ** 2 * (0.5 if len(glance.speeds) > 1 else 1.0))
+            track = _Track(index, one, first, self._gate.time)
+            self._tracks.append(track)
+            running.append(track)
+
+    def _near(self, track, index, phase, speed):
+        if track.behaviour != index:
+            return False
+        difference = track.filter.state[0] - phase
+        if self._behaviours[index].rhythmic:
+            difference = (difference + math.pi) % (2 * math.pi) - math.pi
+            return abs(difference) < 0.5
+        return abs(difference) < 0.1 or len(self._glances[index].phases) == 1
+
+    def _settle(self):
+        """Choose the leader, give up what is far behind, end the search when it is decided."""
+        ready = [track for track in self._tracks if track.count and track.next >= self._filled
+                 or track is self._leader]
+        if not ready:
+            return
+        best = max(ready, key=lambda track: track.level)
+        leader = self._leader
+        if leader is None or best is not leader and \
+                (best.level - leader.level) * min(best.count, leader.count) > CORRELATED * 0.5:
+            if leader is not None:
+                leader.next = self._filled
+            self._leader = leader = best
+        leader.next = self._filled
+        for track in ready:
+            lag = (leader.level - track.level) * min(track.count, leader.count) / CORRELATED
+            if track is not leader and track.count >= 3 and lag > BEHIND:
+                self._drop(track)
+        if self._since >= SEARCH_S or (len(self._tracks) == 1 and leader.count >= 6 and self._since >= 0.1):
+            for track in list(self._tracks):
+                if track is not leader:
+                    self._drop(track)
+            self._searching = False
+            self._status = Status.TRACKING
+            self._monitor.reset()
+
+    def _drop(self, track):
+        self._tracks.remove(track)
+        self._free[track.behaviour].append(track.filter)
+
+    def _lose(self):
+        """The leader no longer explains what is seen: search again, the leader as one of the hypotheses."""
+        self._searching = True
+        self._status = Status.LOST
+        self._since = 0.0
+        self._board = {}
+        self._leader.score, self._leader.count = 0.0, 0
+
+    def _probabilities(self):
+        best = {}
+        for track in self._tracks:
+            if track.count:
+                best[track.behaviour] = max(best.get(track.behaviour, -math.inf), track.level)
+        top = max(best.values(), default=0.0)
+        count = min((track.count for track in self._tracks if track.count), default=1)
+        weights = {index: math.exp(max((level - top) * count / CORRELATED, -50.0)) for index, level in best.items()}
+        total = sum(weights.values()) or 1.0
+        return {behaviour.name: weights.get(index, 0.0) / total
+                for index, behaviour in enumerate(self._behaviours)}
+
+    def _estimate(self):
+        gate = self._gate
+        observed = gate.observed.astype(bool)
+        leader = self._leader
+        if leader is None:  # nothing was ever observed
+            index, one, innovation, log_likelihood = 0, self._pool[0][0], math.nan, 0.0
+        else:
+            index, one = leader.behaviour, leader.filter
+            innovation, log_likelihood = one.innovation, one.log_likelihood
+        mean, std, velocity = self._now
+        one.predict(self._zero, mean, std, velocity)
+        scale = self._scale(index, self._zero)[0]
+        state, covariance = one.state, one.covariance
+        centre, root = self._priors[index]
+        return Estimate(
+            time=gate.time, phase=float(state[0]), phase_velocity=float(state[1]),
+            phase_covariance=covariance[:2, :2], style=centre + root @ state[2:],
+            style_covariance=root @ covariance[2:, 2:] @ root.T, mean=mean[0].copy(), std=std[0] * scale,
+            observed=observed, innovation=innovation, log_likelihood=log_likelihood, status=self._status,
+            behaviours=self._probabilities())
+
+    def _scale(self, index, horizons):
+        residual = self._behaviours[index].residual
+        if 'calibration' in self._without:
+            return np.ones(len(horizons))
+        return np.interp(horizons, residual.calibration_horizon, residual.calibration_scale)
+
+    def predict(self, horizons):
+        """Predict at ``horizons`` (shape (H,), s after the last update, >= 0)."""
+        horizons = np.ascontiguousarray(horizons, dtype=float)
+        if horizons.ndim != 1 or not np.all(horizons >= 0):
+            raise ValueError('horizons must be a one-dimensional array of times >= 0')
+        shape = (len(horizons), len(self.joint_names))
+        mean, std, velocity = np.empty(shape), np.empty(shape), np.empty(shape)
+        leader = self._leader
+        index, one = (0, self._pool[0][0]) if leader is None else (leader.behaviour, leader.filter)
+        one.predict(horizons, mean, std, velocity)
+        std *= self._scale(index, horizons)[:, None]
+        start = 0.0 if self._gate.time is None else self._gate.time
+        return Prediction(start + horizons, mean, std, velocity)

@@ -1,0 +1,249 @@
+"""The residual model of the full filter, from what the bases cannot say about people left out of them.
+
+Rule (nothing is set by hand): sequences are left out by person - or one by one where there are fewer than four
+people - and the bases of the others are used on them.
+
+1. *Shape over channels.* The left-out residual is split into its mean (offset), its first harmonics over phase
+   (personal cycle), and the rest (fast); the white noise of the recording is read off third differences.
+2. *Size and rates.* A few factors common to all channels - on these four variances, on the style prior and on the
+   phase acceleration - and the four decay rates are chosen by coordinate search to minimise the mean over horizons
+   (1/60 to 25/60 s) of the logarithm of the mean squared prediction error of left-out sequences, each started with
+   a wrong phase and the mean speed.
+3. *Calibration.* The factor by horizon that makes 90 % of the left-out errors lie within the 90 % band.
+"""
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from tqdm import tqdm
+
+from style_core.alignment import fit_cycle, harmonic_design
+from style_core.phase_style.full import make_filter, style_prior, whitened
+from style_core.phase_style.kernel import Table
+from style_core.phase_style.learning import NOISE_FLOOR, factorise
+from style_core.phase_style.model import Residual
+from style_core.phase_style.table import NODES, BasisTable
+
+__all__ = ['HORIZONS', 'Shape', 'leave_out', 'residual_shape', 'learn_residual']
+
+#: Horizons of the criterion, s.
+HORIZONS = np.array([1, 5, 10, 15, 25]) / 60
+PERSONAL_HARMONICS = 3
+#: Wrong phase at the start of every left-out sequence, rad; as a share of the motion where it is discrete.
+WRONG_PHASE = 0.4
+WRONG_SHARE = 0.05
+FEWEST_PEOPLE = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """Bases without some sequences: ``table`` of the J bases, ``styles`` and ``groups`` of the others."""
+
+    left_out: np.ndarray
+    table: BasisTable
+    styles: np.ndarray
+    groups: tuple
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Mean squares of the left-out residual's parts by channel, each (D,); ``personal`` has shape (K, D)."""
+
+    offset: np.ndarray
+    fast: np.ndarray
+    personal: np.ndarray
+    noise: np.ndarray
+
+
+def _spline_table(grid, bases, rhythmic):
+    """Tabulate sampled bases (J, C, D) by cubic splines: enough for bases that are used for one evaluation."""
+    if rhythmic:
+        grid = np.concatenate([grid, [2 * np.pi]])
+        bases = np.concatenate([bases, bases[:, :1]], axis=1)
+    spline = CubicSpline(grid, bases, axis=1, bc_type='periodic' if rhythmic else 'not-a-knot')
+    nodes = np.linspace(0, grid[-1], NODES + 1)
+    values, slopes = (np.ascontiguousarray(np.moveaxis(spline(nodes, order), 1, 0)) for order in (0, 1))
+    return BasisTable(values, slopes * nodes[1], np.zeros((NODES + 1, len(bases))), rhythmic)
+
+
+def leave_out(sequences, aligned, rhythmic, dimension):
+    """Folds of sequences: by person, or one by one where there are fewer than four people.
+
+    Alignment is kept: it makes no use of who a sequence is from.
+
+    Returns
+    -------
+    list of Fold
+    """
+    groups = np.array([sequence.group for sequence in sequences])
+    labels = groups if len(set(groups)) >= FEWEST_PEOPLE else np.arange(len(sequences)).astype(str)
+    folds = []
+    for label in sorted(set(labels)):
+        others = np.flatnonzero(labels != label)
+        if len(others) == 0:
+            continue
+        styles, bases, _ = factorise(aligned.cycles[others], min(dimension, len(others)))
+        folds.append(Fold(np.flatnonzero(labels == label), _spline_table(aligned.grid, bases, rhythmic), styles,
+                          tuple(groups[others])))
+    return folds
+
+
+def _evaluate(table, phase):
+    look = Table(table)
+    return np.stack([look.evaluate(at)[0] for at in phase])
+
+
+def residual_shape(sequences, aligned, folds, rhythmic):
+    """How the left-out residual divides, by channel; people have equal weight.
+
+    Returns
+    -------
+    Shape
+    """
+    harmonics = PERSONAL_HARMONICS if rhythmic else 0
+    parts, weights = [], []
+    for fold in folds:
+        mean, root = style_prior(fold.styles, fold.groups, 1.0)
+        prior = np.linalg.inv(root @ root.T)
+        for index in fold.left_out:
+            y, phase = sequences[index].y, aligned.phases[index]
+            basis = _evaluate(fold.table, phase)
+            # style by regression with its prior; a residual repeats itself for about twenty frames
+            scale = 20 * 0.3 * np.mean(np.var(y, axis=0))
+            normal = np.einsum('tjd,tkd->jk', basis, basis) / scale + prior
+            style = np.linalg.solve(normal, np.einsum('tjd,td->j', basis, y) / scale + prior @ mean)
+            error = y - np.einsum('tjd,j->td', basis, style)
+            cycle = fit_cycle(error, phase, harmonics)
+            rest = error - harmonic_design(phase, harmonics)[0] @ cycle
+            parts.append((cycle[0] ** 2, np.var(rest, axis=0),
+                          0.5 * (cycle[1::2] ** 2 + cycle[2::2] ** 2),
+                          np.var(np.diff(y, 3, axis=0), axis=0) / 20))
+            weights.append(1 / len(fold.left_out))
+    weights = np.array(weights) / np.sum(weights)
+    offset, fast, personal, noise = (np.tensordot(weights, np.array(part), axes=1) for part in zip(*parts))
+    fast = np.maximum(fast, NOISE_FLOOR)
+    return Shape(np.maximum(offset, NOISE_FLOOR), fast, personal, np.maximum(noise, 0.1 * fast))
+
+
+#: Start of the coordinate search: factors on the shape, rates in 1/s.
+START = {'offset': 1.0, 'fast': 1.0, 'personal': 0.5, 'noise': 2.0, 'style': 1.0, 'acceleration': 1.0,
+         'offset_decay': 0.1, 'fast_decay': 20.0, 'personal_decay': 0.1, 'style_decay': 0.005}
+#: Moves: factors that change together (all variances against style prior and phase noise first).
+MOVES = (('offset', 'fast', 'personal', 'noise'), ('style',), ('noise',), ('fast_decay',), ('offset',), ('fast',),
+         ('personal',), ('offset_decay',), ('acceleration',), ('personal_decay',), ('style_decay',))
+
+
+def _residual(shape, values):
+    total = shape.personal.sum(axis=0) if len(shape.personal) else np.zeros_like(shape.offset)
+    pooled = shape.personal.sum(axis=1)
+    share = pooled / pooled.sum() if len(pooled) and pooled.sum() > 0 else np.zeros(0)
+    return Residual(
+        offset=values['offset'] * shape.offset, fast=values['fast'] * shape.fast,
+        personal=values['personal'] * total, noise=values['noise'] * shape.noise,
+        offset_decay=values['offset_decay'], fast_decay=values['fast_decay'],
+        personal_decay=values['personal_decay'], style_decay=values['style_decay'], personal_share=share,
+        style_scale=values['style'], calibration_horizon=HORIZONS, calibration_scale=np.ones(len(HORIZONS)))
+
+
+def _roll_out(behaviour, fold, sequences, aligned, every):
+    """Errors and standard deviations of predictions on a fold's left-out sequences, each (N, H, D), by sequence."""
+    table = Table(whitened(fold.table, *style_prior(fold.styles, fold.groups, behaviour.residual.style_scale)))
+    one = make_filter(behaviour, table)
+    channels = len(behaviour.joint_names)
+    observed = np.ones(channels, dtype=np.uint8)
+    mean, std, velocity = (np.empty((len(HORIZONS), channels)) for _ in range(3))
+    wrong = WRONG_PHASE if behaviour.rhythmic else WRONG_SHARE
+    for index in fold.left_out:
+        y, rate = sequences[index].y, sequences[index].rate_hz
+        ahead = np.maximum(np.rint(HORIZONS * rate).astype(int), 1)
+        last = len(y) - ahead[-1]
+        if last <= 3:
+            continue
+        sign = 1 if index % 2 else -1
+        one.start(aligned.phases[index][0] + sign * wrong, behaviour.velocity[0], wrong ** 2,
+                  behaviour.velocity[1] ** 2)
+        errors, spreads = [], []
+        for frame in range(last):
+            one.update(y[frame], observed, 1 / rate if frame else 0.0)
+            if frame >= 3 and frame % every == 0:
+                one.predict(ahead / rate, mean, std, velocity)
+                errors.append(mean - y[frame + ahead])
+                spreads.append(std.copy())
+        if errors:
+            yield np.array(errors), np.array(spreads)
+
+
+def _criterion(behaviour, folds, sequences, aligned, every):
+    total, weight = 0.0, 0.0
+    for fold in folds:
+        try:
+            squares = [np.mean(errors ** 2, axis=(0, 2))
+                       for errors, _ in _roll_out(behaviour, fold, sequences, aligned, every)]
+        except ArithmeticError:
+            return np.inf
+        if squares:
+            total = total + np.mean(squares, axis=0)
+            weight += 1
+    return float(np.mean(np.log(total / weight))) if weight else np.inf
+
+
+def learn_residual(behaviour, sequences, aligned, rounds=2, progress=False):
+    """Add the residual model to a behaviour by the rule at the top of this module.
+
+    Parameters
+    ----------
+    behaviour : Behaviour
+    sequences : list of Sequence
+        As aligned.
+    aligned : Aligned
+    rounds : int
+        Rounds of the coordinate search, with steps of a factor 4, then 2, then sqrt(2), ...
+    progress : bool
+        Show a bar on a terminal.
+
+    Returns
+    -------
+    Behaviour
+        With its ``residual``, and ``acceleration`` moved by the search.
+    """
+    folds = leave_out(sequences, aligned, behaviour.rhythmic, behaviour.style_dimension)
+    if not folds:  # a single sequence: nothing can be left out; its own residual has to do
+        shape = Shape(behaviour.noise, behaviour.noise, np.zeros((0, len(behaviour.noise))), 0.1 * behaviour.noise)
+        return replace(behaviour, residual=_residual(shape, START))
+    shape = residual_shape(sequences, aligned, folds, behaviour.rhythmic)
+    every = 5 if sum(len(sequence.y) for sequence in sequences) < 5000 else 10
+
+    def candidate(values):
+        return replace(behaviour, residual=_residual(shape, values),
+                       acceleration=behaviour.acceleration * values['acceleration'])
+
+    values = dict(START)
+    best = _criterion(candidate(values), folds, sequences, aligned, every)
+    moves = [move for move in MOVES if len(shape.personal) or not move[0].startswith('personal')]
+    for step, names in tqdm([(4.0 ** (0.5 ** round_), move) for round_ in range(rounds) for move in moves],
+                            desc=f'residual of {behaviour.name}', leave=False, disable=None if progress else True):
+        for factor in (step, 1 / step):
+            moved = False
+            for _ in range(5):
+                trial = dict(values, **{name: values[name] * factor for name in names})
+                score = _criterion(candidate(trial), folds, sequences, aligned, every)
+                if not score < best - 1e-4:
+                    break
+                values, best, moved = trial, score, True
+            if moved:
+                break
+    behaviour = candidate(values)
+    return replace(behaviour, residual=replace(
+        behaviour.residual, calibration_scale=_calibration(behaviour, folds, sequences, aligned, every)))
+
+
+def _calibration(behaviour, folds, sequences, aligned, every):
+    """Factor on the standard deviation, by horizon, that puts 90 % of left-out errors into the 90 % band."""
+    ratios = []
+    for fold in folds:
+        for errors, spreads in _roll_out(behaviour, fold, sequences, aligned, every):
+            ratio = np.sort(np.abs(errors / np.maximum(spreads, 1e-9)).transpose(1, 0, 2).reshape(len(HORIZONS), -1))
+            ratios.append(ratio[:, np.linspace(0, ratio.shape[1] - 1, 200).astype(int)])  # equal weight
+    if not ratios:
+        return np.ones(len(HORIZONS))
+    return np.quantile(np.concatenate(ratios, axis=1), 0.9, axis=1) / 1.6448536269514722
