@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from style_core.phase_style.gaussian_process import PhaseProcess
 from style_core.phase_style.kernel import ArrowFilter, Table
 from style_core.phase_style.table import tabulate

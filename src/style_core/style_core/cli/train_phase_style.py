@@ -66,7 +66,7 @@ def run(args):
         motions[path] = continuous(read_motion(path, **given)).replace(name=Path(path).stem)
     joints = common_joints(list(motions.values()), args.joints)
     behaviours = [
-        train([motions[file] for file in files], name, rhythmic, joints, args.styles, args.rate)
+        train([motions[file] for file in files], name, rhythmic, joints, args.styles, args.rate, progress=True)
         for (name, *files), rhythmic in tqdm(groups, desc='learning', unit='behaviour', disable=None, leave=False)]
     save_behaviours(args.output, behaviours, paths)
     for behaviour in behaviours:

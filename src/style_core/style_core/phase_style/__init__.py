@@ -5,8 +5,8 @@ from style_core.phase_style.model import KIND, Behaviour, Residual, load_behavio
 from style_core.phase_style.paper import PaperPredictor
 from style_core.phase_style.predictor import FullPredictor
 
-__all__ = ['KIND', 'METHODS', 'Behaviour', 'Residual', 'Sequence', 'FullPredictor', 'PaperPredictor', 'group_of', 'learn',
-           'load_behaviours', 'load_predictor', 'make_predictor', 'save_behaviours']
+__all__ = ['KIND', 'METHODS', 'Behaviour', 'Residual', 'Sequence', 'FullPredictor', 'PaperPredictor', 'group_of',
+           'learn', 'load_behaviours', 'load_predictor', 'make_predictor', 'save_behaviours']
 
 METHODS = ('full', 'paper')
 

@@ -534,6 +534,7 @@ cdef class ArrowFilter:
                 self.V[4 + 2 * k, 4 + 2 * k, d] = self.personal[k, d]
         self.innovation, self.log_likelihood = NAN, 0
         self.fresh = False
+        self.turn = 0
         self._bound()
 
     @property

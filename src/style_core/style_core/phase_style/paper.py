@@ -1,4 +1,6 @@
 """The published method as an on-line predictor (Matsubara et al. 2012, section 3)."""
+import math
+
 import numpy as np
 
 from style_core.phase_style.kernel import PaperFilter, Table
@@ -56,7 +58,8 @@ class PaperPredictor:
         self._forgetting = forgetting
         self._table = Table(tabulate(behaviour.processes(), behaviour.rhythmic))
         self._gate = ObservationGate(len(self.joint_names))
-        self._monitor = InnovationMonitor()
+        # its R knows nothing of new people: only a change of the innovations tells
+        self._monitor = InnovationMonitor(usual=(0.0, math.inf))
         self.reset()
 
     def reset(self):

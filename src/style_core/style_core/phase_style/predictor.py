@@ -20,12 +20,17 @@ BUDGET = 4
 #: Phases tried a behaviour, and speeds as multiples of the training spread around the mean.
 PHASES = 32
 SPEEDS = (0.0, -1.2, 1.2)
-#: A hypothesis is given up when this many nats behind (per effective sample), and the search ends when one is left
-#: or after this time, s.
-BEHIND = 8.0
-SEARCH_S = 0.5
+#: Weight of the past, a sample, when hypotheses are compared by the likelihood of what they saw.
+MEMORY = 0.85
 #: Successive innovations of one filter repeat each other: so many count as one when hypotheses are compared.
 CORRELATED = 5.0
+#: Nats by which another hypothesis must lead to take over, and by which one must be behind to be given up.
+TAKE_OVER = 0.5
+GIVE_UP = 3.0
+#: Samples after which a hypothesis that does not lead makes room for a new one.
+PATIENCE = 12
+#: A search ends after this long, s - if the leader explains what it sees; otherwise it goes on.
+SEARCH_S = 0.4
 
 
 class _Glance:
@@ -60,23 +65,33 @@ class _Glance:
 class _Track:
     """A hypothesis: a filter, how far it has come, and how well it explained what it saw."""
 
-    __slots__ = ('behaviour', 'filter', 'next', 'score', 'count', 'time', 'born')
+    __slots__ = ('behaviour', 'filter', 'next', 'score', 'weight', 'misfit', 'count', 'time')
 
-    def __init__(self, behaviour, one, first, born):
-        self.behaviour, self.filter = behaviour, one
-        self.next, self.score, self.count, self.time, self.born = first, 0.0, 0, None, born
+    def __init__(self, behaviour, one, first):
+        self.behaviour, self.filter, self.next, self.time = behaviour, one, first, None
+        self.judge_anew()
+
+    def judge_anew(self):
+        """Forget how well it did."""
+        self.score, self.weight, self.misfit, self.count = 0.0, 0.0, 0.0, 0
 
     def take(self, time, y, observed):
         """Update with a sample."""
         self.filter.update(y, observed, 0.0 if self.time is None else max(time - self.time, 0.0))
         self.time = time
-        self.score += self.filter.log_likelihood
-        self.count += 1
+        self.judge()
 
-    @property
-    def level(self):
-        """Log likelihood a sample."""
-        return self.score / max(self.count, 1)
+    def judge(self):
+        """Take the filter's last update into account."""
+        if not math.isnan(self.filter.innovation):
+            self.score = MEMORY * self.score + self.filter.log_likelihood
+            self.misfit = MEMORY * self.misfit + self.filter.innovation
+            self.weight = MEMORY * self.weight + 1.0
+            self.count += 1
+
+    def lead(self, other):
+        """Nats by which it explains the last samples better than another."""
+        return (self.score / self.weight - other.score / other.weight) * min(self.weight, other.weight) / CORRELATED
 
 
 class FullPredictor:
@@ -146,6 +161,8 @@ class FullPredictor:
         self._searching = True
         self._status = Status.ACQUIRING
         self._since = 0.0
+        mean, spread = self._behaviours[0].velocity[:2]
+        self._pool[0][0].start(0.0, mean, 4.0 if self._behaviours[0].rhythmic else 0.1, max(spread, 1e-3) ** 2)
 
     def update(self, time, y, mask=None):
         """Take one observation (see `style_core.predictor.OnlinePredictor.update`)."""
@@ -153,6 +170,7 @@ class FullPredictor:
         dt = gate.take(time, y, mask)
         if dt > GAP_S:
             self._forget()
+            dt = 0.0
         sampled = self._store()
         spent = 0
         leader = self._leader
@@ -161,8 +179,7 @@ class FullPredictor:
             leader.time = gate.time
             spent = 1
             if sampled:
-                leader.score += leader.filter.log_likelihood
-                leader.count += 1
+                leader.judge()
         if self._searching:
             self._since += dt
             if sampled:
@@ -242,7 +259,7 @@ class FullPredictor:
             glance = self._glances[index]
             one.start(at - speed * (now - self._times[first % WINDOW]), speed, glance.width ** 2,
                       max(behaviour.velocity[1], 1e-3) ** 2 * (0.5 if len(glance.speeds) > 1 else 1.0))
-            track = _Track(index, one, first, self._gate.time)
+            track = _Track(index, one, first)
             self._tracks.append(track)
             running.append(track)
 
@@ -257,23 +274,28 @@ class FullPredictor:
 
     def _settle(self):
         """Choose the leader, give up what is far behind, end the search when it is decided."""
-        ready = [track for track in self._tracks if track.count and track.next >= self._filled
-                 or track is self._leader]
+        ready = [track for track in self._tracks
+                 if track.count and (track is self._leader or track.next >= self._filled)]
         if not ready:
             return
-        best = max(ready, key=lambda track: track.level)
-        leader = self._leader
-        if leader is None or best is not leader and \
-                (best.level - leader.level) * min(best.count, leader.count) > CORRELATED * 0.5:
-            if leader is not None:
-                leader.next = self._filled
-            self._leader = leader = best
-        leader.next = self._filled
+        leader = self._leader if self._leader in ready else ready[0]
+        best = max(ready, key=lambda track: track.score / track.weight)
+        if self._leader is None or best.lead(leader) > TAKE_OVER:
+            leader = best
+        self._leader = leader
+        others = []
         for track in ready:
-            lag = (leader.level - track.level) * min(track.count, leader.count) / CORRELATED
-            if track is not leader and track.count >= 3 and lag > BEHIND:
+            track.next = self._filled
+            if track is leader:
+                continue
+            ahead = leader.lead(track)
+            if track.count >= 3 and ahead > GIVE_UP or track.count >= PATIENCE and ahead > 0:
                 self._drop(track)
-        if self._since >= SEARCH_S or (len(self._tracks) == 1 and leader.count >= 6 and self._since >= 0.1):
+            else:
+                others.append(ahead)
+        explains = leader.misfit / leader.weight < self._monitor.limit
+        decided = leader.count >= 6 and all(ahead > TAKE_OVER for ahead in others)
+        if explains and (self._since >= SEARCH_S or (decided and self._since >= 0.1)):
             for track in list(self._tracks):
                 if track is not leader:
                     self._drop(track)
@@ -291,17 +313,17 @@ class FullPredictor:
         self._status = Status.LOST
         self._since = 0.0
         self._board = {}
-        self._leader.score, self._leader.count = 0.0, 0
+        self._leader.judge_anew()
 
     def _probabilities(self):
-        best = {}
-        for track in self._tracks:
-            if track.count:
-                best[track.behaviour] = max(best.get(track.behaviour, -math.inf), track.level)
-        top = max(best.values(), default=0.0)
-        count = min((track.count for track in self._tracks if track.count), default=1)
-        weights = {index: math.exp(max((level - top) * count / CORRELATED, -50.0)) for index, level in best.items()}
-        total = sum(weights.values()) or 1.0
+        judged = [track for track in self._tracks if track.weight]
+        if not judged:
+            return {behaviour.name: 1 / len(self._behaviours) for behaviour in self._behaviours}
+        weights = {}
+        for track in judged:
+            weight = math.exp(min(max(track.lead(judged[0]), -50.0), 50.0))
+            weights[track.behaviour] = max(weights.get(track.behaviour, 0.0), weight)
+        total = sum(weights.values())
         return {behaviour.name: weights.get(index, 0.0) / total
                 for index, behaviour in enumerate(self._behaviours)}
 

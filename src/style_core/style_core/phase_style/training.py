@@ -3,7 +3,8 @@ import numpy as np
 
 from style_core.errors import MotionError
 from style_core.motion import matching_names
-from style_core.phase_style.learning import Sequence, group_of, learn
+from style_core.phase_style.learning import Sequence, align, bases_from, group_of
+from style_core.phase_style.residual import learn_residual
 
 __all__ = ['RATE_HZ', 'body_joints', 'common_joints', 'to_sequence', 'train']
 
@@ -88,7 +89,8 @@ def to_sequence(motion, joint_names, rate_hz=RATE_HZ, group=None):
     return Sequence(motion.name, group_of(motion.name) if group is None else group, y, float(rate_hz))
 
 
-def train(motions, name='motion', rhythmic=True, joints=None, dimension=None, rate_hz=RATE_HZ):
+def train(motions, name='motion', rhythmic=True, joints=None, dimension=None, rate_hz=RATE_HZ,
+          residual=True, progress=False):
     """Learn one behaviour from recordings.
 
     Parameters
@@ -101,6 +103,10 @@ def train(motions, name='motion', rhythmic=True, joints=None, dimension=None, ra
     dimension : int, optional
         J; chosen from the singular values when absent.
     rate_hz : float
+    residual : bool
+        Also learn the residual model that the full filter needs (the paper's method does not).
+    progress : bool
+        Show a bar on a terminal.
 
     Returns
     -------
@@ -108,4 +114,6 @@ def train(motions, name='motion', rhythmic=True, joints=None, dimension=None, ra
     """
     joints = common_joints(motions) if joints is None else list(joints)
     sequences = [to_sequence(motion, joints, rate_hz) for motion in motions]
-    return learn(sequences, joints, name, rhythmic, dimension)
+    sequences, aligned = align(sequences, rhythmic)
+    behaviour = bases_from(sequences, aligned, name, rhythmic, joints, dimension)
+    return learn_residual(behaviour, sequences, aligned, progress=progress) if residual else behaviour
