@@ -250,7 +250,7 @@ def factorise(cycles, dimension=None):
     if not 1 <= dimension <= count:
         raise MotionError(f'style dimension {dimension} needs at least as many training sequences, got {count}')
     sign = np.where(u.sum(axis=0) < 0, -1.0, 1.0)
-    styles = (u * sign)[:, :dimension]
+    styles = np.ascontiguousarray((u * sign)[:, :dimension])
     bases = ((values * sign)[:, None] * v)[:dimension].reshape((dimension,) + cycles.shape[1:])
     return styles, bases, values
 

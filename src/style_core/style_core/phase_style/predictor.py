@@ -17,9 +17,11 @@ SPACING_S = 1 / 60 - 1e-3
 #: Hypotheses that run at a time, and filter updates spent on one observation at most.
 LIVE = 3
 BUDGET = 4
+#: Samples in the past from which a new hypothesis starts.
+REPLAY = 4
 #: Phases tried a behaviour, and speeds as multiples of the training spread around the mean.
 PHASES = 32
-SPEEDS = (0.0, -1.2, 1.2)
+SPEEDS = (0.0, -1.2, 1.2, 2.4)
 #: Weight of the past, a sample, when hypotheses are compared by the likelihood of what they saw.
 MEMORY = 0.85
 #: Successive innovations of one filter repeat each other: so many count as one when hypotheses are compared.
@@ -223,17 +225,10 @@ class FullPredictor:
             self._turn += 1
             phase, score = self._glances[key[0]].best(y, observed, back, key[1])
             self._board[key] = phase, score / len(rows), self._times[rows[-1]]
-        if 'search' not in self._without or not self._tracks:
-            self._start_candidates(rows)
-        tracks = sorted((track for track in self._tracks if track is not self._leader), key=lambda one: one.next,
-                        reverse=True)
-        while budget > 0:
-            behind = [track for track in tracks if track.next < self._filled]
-            if not behind:
-                break
-            for track in behind:
-                if budget <= 0:
-                    break
+        self._start_candidates(rows)
+        # those that are nearly up to date first: one that never catches up is of no use
+        for track in sorted(self._tracks, key=lambda one: -one.next):
+            while budget > 0 and track is not self._leader and track.next < self._filled:
                 row = track.next % WINDOW
                 track.take(self._times[row], self._y[row], self._observed[row])
                 track.next += 1
@@ -243,10 +238,9 @@ class FullPredictor:
         """Start the best of the board that is not running yet, in place of the worst that runs."""
         now = self._times[rows[-1]]
         order = sorted(self._board.items(), key=lambda item: -item[1][1])
-        running = [track for track in self._tracks if track is not self._leader]
-        most = 1 if 'search' in self._without else LIVE
+        most = 1 if 'search' in self._without and self._leader is None else LIVE
         for (index, speed), (phase, _, stamp) in order:
-            if len(running) >= most:
+            if len(self._tracks) >= most:
                 break
             behaviour = self._behaviours[index]
             at = phase + speed * (now - stamp)
@@ -255,22 +249,23 @@ class FullPredictor:
             if not self._free[index]:
                 continue
             one = self._free[index].pop()
-            first = max(self._filled - len(rows), 0)
+            first = max(self._filled - REPLAY, 0)
             glance = self._glances[index]
             one.start(at - speed * (now - self._times[first % WINDOW]), speed, glance.width ** 2,
                       max(behaviour.velocity[1], 1e-3) ** 2 * (0.5 if len(glance.speeds) > 1 else 1.0))
             track = _Track(index, one, first)
             self._tracks.append(track)
-            running.append(track)
 
     def _near(self, track, index, phase, speed):
+        """Does a running hypothesis already stand for this behaviour, phase and speed?"""
         if track.behaviour != index:
             return False
-        difference = track.filter.state[0] - phase
+        state, glance = track.filter.state, self._glances[index]
+        difference = state[0] - phase
         if self._behaviours[index].rhythmic:
             difference = (difference + math.pi) % (2 * math.pi) - math.pi
-            return abs(difference) < 0.5
-        return abs(difference) < 0.1 or len(self._glances[index].phases) == 1
+        return len(glance.phases) == 1 or (
+            abs(difference) < 2 * glance.width and abs(state[1] - speed) < self._behaviours[index].velocity[1])
 
     def _settle(self):
         """Choose the leader, give up what is far behind, end the search when it is decided."""
