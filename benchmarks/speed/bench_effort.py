@@ -58,8 +58,8 @@ def main():
         frames = generator.normal(size=(60 * seconds, 56)).cumsum(0)
         taken = median_ms(lambda frames=frames: segment(frames, library), 3) / 1e3
         base = base or taken / seconds
-        print(f'  {seconds:3d} s of motion at 60 Hz: {taken:6.3f} s, {taken / seconds / base:5.2f} times as long a second '
-              'as for 15 s')
+        print(f'  {seconds:3d} s of motion at 60 Hz: {taken:6.3f} s, a second of it {taken / seconds / base:5.2f} times'
+              ' that of 15 s')
 
 
 if __name__ == '__main__':
