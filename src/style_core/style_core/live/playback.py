@@ -31,11 +31,14 @@ class Track:
         Powers 0..5 of the time since the segment's first knot.
     start : float
         When the track takes over, s.
+    coasts : bool
+        Whether the last segment was added to bring a moving end to rest.
     """
 
     knots: np.ndarray
     coefficients: np.ndarray
     start: float
+    coasts: bool = False
 
     @property
     def end(self):
@@ -163,7 +166,7 @@ def make_track(times, positions, velocities=None, accelerations=None, *, start, 
         rest = quintic(coast, positions[-1], velocities[-1], 0.0, stop, 0.0, 0.0)
         times = np.append(times, times[-1] + coast)
         coefficients = np.concatenate([coefficients, rest[None]])
-    return Track(times, np.ascontiguousarray(coefficients), float(start))
+    return Track(times, np.ascontiguousarray(coefficients), float(start), bool(np.any(velocities[-1])))
 
 
 class Playback:
@@ -193,6 +196,11 @@ class Playback:
     def end(self):
         """When the playing track comes to rest, s; -inf when none plays."""
         return -np.inf if self._track is None else max(self._track.end, self._decay_end)
+
+    @property
+    def ended_moving(self):
+        """Whether the playing track was brought to rest only because its points end moving."""
+        return self._track is not None and self._track.coasts
 
     @property
     def settled(self):

@@ -1,0 +1,470 @@
+"""The servo bridge without ROS: from trajectories to limited commands, tick by tick."""
+import logging
+import math
+import time
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from style_core.errors import MotionError, UsageError
+from style_core.live.limiter import CLAMP, REJECT, Limiter
+from style_core.live.playback import Playback, make_track
+from style_servo.backend import BackendFault
+from style_servo.states import Event, State, StateMachine
+
+__all__ = ['Bridge', 'BridgeSettings', 'Points']
+
+log = logging.getLogger(__name__)
+
+MAX_PENDING = 16        # trajectories that start in the future
+REJECT_RUN = 3          # ticks in a row with rejected targets that end a trajectory
+POSTURE_TOLERANCE = 0.05        # rad that a posture may lie outside the limits when arming
+
+
+@dataclass(frozen=True)
+class BridgeSettings:
+    """How the bridge behaves.
+
+    Attributes
+    ----------
+    rate : float
+        Commands a second.
+    input_timeout : float
+        Without a new trajectory for this long the input is stale, s; 0: only when the trajectory has run out.
+    blend : float
+        A new trajectory takes over from the playing one within this time, s.
+    ramp_speed : float
+        Fraction of the joint limits used when ramping in from a held posture.
+    ramp_time : float
+        Shortest ramp, s.
+    coast : float
+        A trajectory that ends moving comes to rest in this time, s.
+    max_lead : float
+        A trajectory may start at most this far in the future, s.
+    hold_timeout : float
+        Hold this long on stale input before the hold policy, s.
+    hold_policy : str
+        'hold' for ever, 'relax' (torque off) or 'fault'.
+    latch_hold : bool
+        Stale input asks for a reset before trajectories are taken again.
+    estop_action, fault_action : str
+        'brake' (stop within the limits and hold with torque) or 'torque_off'.
+    following_time : float
+        A following error may last this long, s.
+    partial_joints : bool
+        Take trajectories for some of the joints; the others hold.
+    """
+
+    rate: float = 200.0
+    input_timeout: float = 0.3
+    blend: float = 0.06
+    ramp_speed: float = 0.3
+    ramp_time: float = 0.3
+    coast: float = 0.1
+    max_lead: float = 2.0
+    hold_timeout: float = 5.0
+    hold_policy: str = 'hold'
+    latch_hold: bool = False
+    estop_action: str = 'brake'
+    fault_action: str = 'brake'
+    following_time: float = 0.25
+    partial_joints: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """The points of one trajectory as arrays.
+
+    Attributes
+    ----------
+    joint_names : sequence of str
+    times : ndarray, shape (K,)
+        From the start, s.
+    positions : ndarray, shape (K, J)
+    velocities, accelerations : ndarray, shape (K, J), or None
+    """
+
+    joint_names: tuple
+    times: np.ndarray
+    positions: np.ndarray
+    velocities: object = None
+    accelerations: object = None
+
+
+class Bridge:
+    """Everything between a trajectory and the motors.
+
+    All methods take ``now``, the time in s on one monotonic clock.
+
+    Parameters
+    ----------
+    chain : Chain
+    backend : Backend
+    settings : BridgeSettings
+
+    Attributes
+    ----------
+    state : State
+    reason : str
+        Why the bridge stands in a state that needs attention; '' while all is well.
+    command, command_velocity : ndarray, shape (D,)
+        The last command, rad and rad/s; NaN before the first.
+    bands : ndarray, shape (D,)
+        Of the last command: PASS, CLAMP or REJECT.
+    target : ndarray, shape (D,)
+        What the last command aimed at before limiting, rad.
+    counts : dict
+        Trajectories accepted and rejected (by reason), joint commands clamped and rejected, following errors.
+    """
+
+    def __init__(self, chain, backend, settings):
+        self.chain, self.backend, self.settings = chain, backend, settings
+        names = chain.names
+        self._index = {name: i for i, name in enumerate(names)}
+        velocity, acceleration = chain.array('velocity'), chain.array('acceleration')
+        self._limiter = Limiter(chain.array('lower'), chain.array('upper'), velocity, acceleration,
+                                chain.array('discontinuity'), 1.0 / settings.rate)
+        self._playback = Playback(len(names), velocity, acceleration)
+        self._jump = chain.array('discontinuity')
+        self._lower, self._upper = chain.array('lower'), chain.array('upper')
+        self._follow = chain.array('following_error')
+        self._stopping_time = float(np.max(velocity / acceleration))
+        self.machine = StateMachine()
+        self.reason = ''
+        self.command, self.command_velocity = self._limiter.position, self._limiter.velocity
+        self.bands = self._limiter.bands
+        self.target = np.full(len(names), np.nan)
+        self.counts = {'accepted': 0, 'rejected': 0, 'clamped': 0, 'limiter rejections': 0}
+        self.rejections = {}
+        self.estop_held = False
+        self._pending = deque()
+        self._accepted_at = -math.inf
+        self._since = 0.0
+        self._reject_run = 0
+        self._following_since = None
+        self._torque = False
+        self._lost = self._backend_fault = False
+
+    @property
+    def state(self):
+        """The current state."""
+        return self.machine.state
+
+    @property
+    def moving(self):
+        """Whether the last command still moves."""
+        return not self._limiter.stopped
+
+    def input_age(self, now):
+        """Time since the last accepted trajectory, s; infinite before the first."""
+        return now - self._accepted_at
+
+    # --- arming and stopping ------------------------------------------------------------------------------------
+
+    def arm(self, now):
+        """Torque on at the measured posture. Raises UsageError or BackendFault; then the bridge stays disarmed."""
+        if self.estop_held:
+            raise UsageError('the emergency stop is still pressed')
+        if not self.machine.allows(Event.ARM):
+            raise UsageError(f'cannot arm while {self.state.name}')
+        self._take_posture()
+        self.machine.happen(Event.ARM)
+        self._enter(now, '')
+
+    def disarm(self, now):
+        """Torque off; brake first with :meth:`stop`."""
+        self.backend.disable()
+        self._torque = False
+        self.machine.happen(Event.DISARM)
+        self._enter(now, '')
+
+    def stop(self, now, clock=time.monotonic, sleep=time.sleep):
+        """Brake to a stand, running its own ticks; used when a node is deactivated or the program ends."""
+        end = now + 2 * self._stopping_time + 0.2
+        period = 1.0 / self.settings.rate
+        while self._torque and not self._lost and self.moving and clock() < end:
+            self._limiter.brake()
+            self._drive(clock())
+            sleep(period)
+
+    def _take_posture(self):
+        """Check the posture, torque on, and start everything from it."""
+        self.backend.observe()
+        posture = self.backend.measurement.position.copy()
+        outside = np.maximum(self._lower - posture, posture - self._upper)
+        if not self.backend.measurement.fresh:
+            raise UsageError('the posture of the joints is not known: not all of them answer')
+        if not np.all(outside <= POSTURE_TOLERANCE):
+            worst = int(np.nanargmax(outside))
+            raise UsageError(f'joint {self.chain.names[worst]} stands at {posture[worst]:.3f} rad, outside its limits '
+                             f'{self._lower[worst]:.3f} to {self._upper[worst]:.3f}: move it inside by hand')
+        self.backend.enable()
+        posture = self.backend.measurement.position.copy()
+        self._torque, self._lost, self._backend_fault = True, False, False
+        self._limiter.reset(posture)
+        self._playback.hold(posture)
+        self.target[:] = posture
+        self._pending.clear()
+        self._following_since = None
+        self._reject_run = 0
+
+    def estop(self, now, reason='emergency stop'):
+        """Stop now: the next command brakes, or torque goes off at once."""
+        if self.machine.happen(Event.ESTOP):
+            self._enter(now, reason)
+            if self.settings.estop_action == 'torque_off':
+                self._torque_off()
+
+    def fault(self, now, reason):
+        """Latch a fault."""
+        if self.machine.happen(Event.FAULT):
+            log.error('%s', reason)
+            self._enter(now, reason)
+            if self.settings.fault_action == 'torque_off':
+                self._torque_off()
+
+    def reset(self, now):
+        """Leave FAULT, ESTOP, HOLDING or RELAXED and stand ready at the measured posture.
+
+        Raises
+        ------
+        UsageError, BackendFault
+            When there is nothing to reset, the emergency stop is still pressed, or the motors are not well.
+        """
+        if not self.machine.allows(Event.RESET):
+            raise UsageError(f'nothing to reset while {self.state.name}')
+        if self.estop_held:
+            raise UsageError('the emergency stop is still pressed')
+        if self.moving and self._torque and not self._lost:
+            raise UsageError('the joints still brake: try again when they stand')
+        try:
+            if self._backend_fault:
+                self._torque = False
+                self.backend.connect()      # start from a checked bus
+            self._take_posture()
+        except (BackendFault, UsageError) as error:
+            self.reason = f'reset failed: {error}'
+            raise
+        self.machine.happen(Event.RESET)
+        self._enter(now, '')
+
+    def _torque_off(self):
+        self._torque = False
+        self.backend.disable()
+
+    def _enter(self, now, reason):
+        self._since = now
+        self.reason = reason
+        self._pending.clear()
+        self._reject_run = 0
+
+    # --- trajectories -------------------------------------------------------------------------------------------
+
+    def submit(self, points, start, now):
+        """Take a trajectory that starts at ``start`` (s, on the clock of ``now``).
+
+        Raises
+        ------
+        MotionError
+            With the reason why it is refused; what plays goes on.
+        """
+        try:
+            self._submit(points, start, now)
+        except MotionError as error:
+            self.count_rejection(error)
+            raise
+
+    def count_rejection(self, error):
+        """Count a trajectory that is not taken, by the first words of the reason."""
+        self.counts['rejected'] += 1
+        kind = getattr(error, 'kind', 'unusable')
+        self.rejections[kind] = self.rejections.get(kind, 0) + 1
+
+    def _submit(self, points, start, now):
+        state = self.state
+        if not (state in (State.READY, State.RAMPING, State.STREAMING)
+                or (state is State.HOLDING and not self.settings.latch_hold)):
+            raise _refusal('wrong state', f'no trajectories are taken while {state.name}'
+                           + (': call reset first' if state.armed else ''))
+        if not start <= now + self.settings.max_lead:
+            raise _refusal('future', f'it starts {start - now:.3f} s in the future '
+                                     f'(at most {self.settings.max_lead:g})')
+        points = self._complete(points)
+        if start > now:
+            self._check_points(points, start, now)
+            # it replaces what was to start at or after it
+            while self._pending and self._pending[-1][1] >= start:
+                self._pending.pop()
+            if len(self._pending) == MAX_PENDING:
+                raise _refusal('queue full', f'{MAX_PENDING} trajectories already wait for their start')
+            self._pending.append((points, start))
+            self._accept(now)
+            return
+        self._begin(points, start, now)
+        self._accept(now)
+
+    def _accept(self, now):
+        self._accepted_at = now
+        self.counts['accepted'] += 1
+
+    def _complete(self, points):
+        """Columns in the order of the chain; joints that are not named hold."""
+        names = tuple(points.joint_names)
+        if len(set(names)) != len(names):
+            raise _refusal('joints', 'a joint is named twice')
+        unknown = [name for name in names if name not in self._index]
+        if unknown:
+            raise _refusal('joints', f'unknown joint {", ".join(unknown[:5])}')
+        if names == self.chain.names:
+            return points
+        missing = [name for name in self.chain.names if name not in names]
+        if missing and (not self.settings.partial_joints or not names):
+            raise _refusal('joints', f'no values for joint {", ".join(missing[:5])}')
+        columns = [self._index[name] for name in names]
+
+        def spread(array, fill):
+            if array is None:
+                return None
+            array = np.asarray(array, dtype=np.float64)
+            if array.ndim != 2 or array.shape[1] != len(names):
+                raise _refusal('shape', f'{len(names)} joints but values of shape {array.shape}')
+            whole = np.tile(fill, (len(array), 1))
+            whole[:, columns] = array
+            return whole
+        zero = np.zeros(len(self.chain.names))
+        held = self.command if np.all(np.isfinite(self.command)) else zero
+        return Points(self.chain.names, points.times, spread(points.positions, held), spread(points.velocities, zero),
+                      spread(points.accelerations, zero))
+
+    def _check_points(self, points, start, now):
+        standing = self.command, np.zeros_like(self.command)
+        return make_track(start + points.times, points.positions, points.velocities, points.accelerations, start=start,
+                          now=now, current=standing, coast=self.settings.coast)
+
+    def _begin(self, points, start, now):
+        """Let a trajectory whose start has come take over."""
+        streaming = self.state in (State.RAMPING, State.STREAMING)
+        if streaming:
+            position, velocity = (array.copy() for array in self._playback.sample(now))
+        else:
+            position, velocity = self.command.copy(), self.command_velocity.copy()
+        if points.positions.shape[1:] != position.shape:
+            raise _refusal('shape', f'positions of shape {points.positions.shape} for {len(position)} joints')
+        track = make_track(start + points.times, points.positions, points.velocities, points.accelerations,
+                           start=max(start, now), now=now, current=(position, velocity), coast=self.settings.coast)
+        if streaming:
+            gap = np.abs(np.clip(track.at(now)[0], self._lower, self._upper)
+                         - np.clip(position, self._lower, self._upper))
+            worst = int(np.argmax(gap / self._jump))
+            if gap[worst] > self._jump[worst]:
+                raise _refusal('discontinuity', f'joint {self.chain.names[worst]} would jump by {gap[worst]:.3f} rad')
+            remaining = self._playback.settled - now if self.state is State.RAMPING else 0.0
+            self._playback.take_over(track, now, max(self.settings.blend, remaining),
+                                     speed=self.settings.ramp_speed if self.state is State.RAMPING else 1.0)
+        else:
+            self._playback.take_over(track, now, self.settings.ramp_time, self.settings.ramp_speed,
+                                     (position, velocity))
+            self.machine.happen(Event.TRAJECTORY)
+            self._since, self.reason, self._reject_run = now, '', 0
+
+    def _begin_waiting(self, points, start, now):
+        try:
+            self._begin(points, start, now)
+        except MotionError as error:
+            self.count_rejection(error)
+            log.warning('trajectory refused at its start: %s', error)
+
+    # --- the tick -----------------------------------------------------------------------------------------------
+
+    def tick(self, now):
+        """One cycle: choose the reference, limit it, send it, read back, check. Call it ``rate`` times a second."""
+        if not self.state.armed:
+            return
+        self._advance(now)
+        if self.state in (State.RAMPING, State.STREAMING):
+            position, velocity = self._playback.sample(now)
+            self._limiter.step(position, velocity)
+            self.target[:] = position
+            self._judge_bands(now)
+        else:
+            self._limiter.brake()
+            self.target[:] = self.command
+        self._drive(now)
+
+    def _advance(self, now):
+        """Everything that time alone brings about."""
+        while self._pending and self._pending[0][1] <= now:
+            self._begin_waiting(*self._pending.popleft(), now)
+        state, settings = self.state, self.settings
+        if state in (State.RAMPING, State.STREAMING):
+            old = settings.input_timeout and self.input_age(now) > settings.input_timeout
+            ended = now >= self._playback.end and not self._pending
+            if state is State.RAMPING and now >= self._playback.settled and not old and not ended:
+                self.machine.happen(Event.RAMPED)
+                self._since = now
+            elif ended and not self._playback.ended_moving:
+                # a short trajectory may end before or as its ramp does
+                if self.state is State.RAMPING:
+                    self.machine.happen(Event.RAMPED)
+                self.machine.happen(Event.FINISHED)
+                self._enter(now, '')
+            elif old or ended:
+                self.machine.happen(Event.STALE)
+                self._enter(now, f'no new trajectory for {self.input_age(now):.2f} s' if old else
+                            'the trajectory ended while moving and none followed')
+        elif state is State.HOLDING and now - self._since > settings.hold_timeout:
+            if settings.hold_policy == 'relax':
+                self.machine.happen(Event.TIRED)
+                self._enter(now, f'relaxed: no trajectory for {self.input_age(now):.1f} s')
+                self._torque_off()
+            elif settings.hold_policy == 'fault':
+                self.machine.happen(Event.GIVE_UP)
+                self._enter(now, f'no trajectory for {self.input_age(now):.1f} s')
+                if settings.fault_action == 'torque_off':
+                    self._torque_off()
+
+    def _judge_bands(self, now):
+        clamped, rejected = np.count_nonzero(self.bands == CLAMP), np.count_nonzero(self.bands == REJECT)
+        self.counts['clamped'] += int(clamped)
+        self.counts['limiter rejections'] += int(rejected)
+        self._reject_run = self._reject_run + 1 if rejected else 0
+        if self._reject_run >= REJECT_RUN:
+            joint = self.chain.names[int(np.argmax(self.bands == REJECT))]
+            self.machine.happen(Event.REFUSED)
+            self._enter(now, f'the target of joint {joint} runs away from what its limits allow')
+
+    def _drive(self, now):
+        if self._lost:
+            return
+        try:
+            if self._torque:
+                self.backend.exchange(self.command, self.command_velocity)
+            else:
+                self.backend.observe()
+        except BackendFault as error:
+            self._lost = error.connection_lost
+            self._backend_fault = True
+            self.fault(now, str(error))
+            return
+        self._watch_following(now)
+
+    def _watch_following(self, now):
+        measurement = self.backend.measurement
+        if not (self._torque and measurement.fresh) or self.state is State.FAULT:
+            return
+        error = np.abs(self.command - measurement.position)
+        if np.all(error <= self._follow):
+            self._following_since = None
+        elif self._following_since is None:
+            self._following_since = now
+        elif now - self._following_since > self.settings.following_time:
+            worst = int(np.nanargmax(error / self._follow))
+            self.fault(now, f'joint {self.chain.names[worst]} does not follow: commanded {self.command[worst]:.3f}, '
+                            f'measured {measurement.position[worst]:.3f} rad (blocked, overloaded, or limits too fast)')
+
+
+def _refusal(kind, message):
+    error = MotionError(message)
+    error.kind = kind
+    return error
