@@ -31,7 +31,9 @@ class BridgeSettings:
     rate : float
         Commands a second.
     input_timeout : float
-        Without a new trajectory for this long the input is stale, s; 0: only when the trajectory has run out.
+        A trajectory that ends moving is one window of a stream: without the next one for this long the input is
+        stale, s; 0 waits until the window has run out. A trajectory that ends at rest is complete and plays to its
+        end.
     blend : float
         A new trajectory takes over from the playing one within this time, s.
     ramp_speed : float
@@ -140,7 +142,7 @@ class Bridge:
         self.estop_held = False
         self._pending = deque()
         self._accepted_at = -math.inf
-        self._since = 0.0
+        self._since = self._ramp_end = 0.0
         self._reject_run = 0
         self._following_since = None
         self._torque = False
@@ -354,17 +356,15 @@ class Bridge:
         track = make_track(start + points.times, points.positions, points.velocities, points.accelerations,
                            start=max(start, now), now=now, current=(position, velocity), coast=self.settings.coast)
         if streaming:
-            gap = np.abs(np.clip(track.at(now)[0], self._lower, self._upper)
-                         - np.clip(position, self._lower, self._upper))
+            gap = np.abs(self._playback.jump(track, now)[0])
             worst = int(np.argmax(gap / self._jump))
             if gap[worst] > self._jump[worst]:
                 raise _refusal('discontinuity', f'joint {self.chain.names[worst]} would jump by {gap[worst]:.3f} rad')
-            remaining = self._playback.settled - now if self.state is State.RAMPING else 0.0
-            self._playback.take_over(track, now, max(self.settings.blend, remaining),
-                                     speed=self.settings.ramp_speed if self.state is State.RAMPING else 1.0)
+            self._playback.take_over(track, now, self.settings.blend)
         else:
-            self._playback.take_over(track, now, self.settings.ramp_time, self.settings.ramp_speed,
-                                     (position, velocity))
+            ramp = self._playback.take_over(track, now, self.settings.ramp_time, self.settings.ramp_speed,
+                                            (position, velocity))
+            self._ramp_end = now + ramp
             self.machine.happen(Event.TRAJECTORY)
             self._since, self.reason, self._reject_run = now, '', 0
 
@@ -398,12 +398,12 @@ class Bridge:
             self._begin_waiting(*self._pending.popleft(), now)
         state, settings = self.state, self.settings
         if state in (State.RAMPING, State.STREAMING):
-            old = settings.input_timeout and self.input_age(now) > settings.input_timeout
+            old = 0 < settings.input_timeout < self.input_age(now) and self._playback.ends_moving
             ended = now >= self._playback.end and not self._pending
-            if state is State.RAMPING and now >= self._playback.settled and not old and not ended:
+            if state is State.RAMPING and now >= self._ramp_end and not old and not ended:
                 self.machine.happen(Event.RAMPED)
                 self._since = now
-            elif ended and not self._playback.ended_moving:
+            elif ended and not self._playback.ends_moving:
                 # a short trajectory may end before or as its ramp does
                 if self.state is State.RAMPING:
                     self.machine.happen(Event.RAMPED)

@@ -198,14 +198,9 @@ class Playback:
         return -np.inf if self._track is None else max(self._track.end, self._decay_end)
 
     @property
-    def ended_moving(self):
-        """Whether the playing track was brought to rest only because its points end moving."""
+    def ends_moving(self):
+        """Whether the points of the playing track end moving, so that it wants a successor."""
         return self._track is not None and self._track.coasts
-
-    @property
-    def settled(self):
-        """When the last difference between tracks has decayed, s."""
-        return self._decay_end
 
     def hold(self, position):
         """Forget every track and stand at ``position`` (shape (D,), rad)."""
@@ -214,6 +209,15 @@ class Playback:
         self._decay_end = -np.inf
         self.position[:] = position
         self.velocity[:] = 0.0
+
+    def jump(self, track, time):
+        """Difference in position and velocity (shape (D,) each) between what plays and ``track`` at ``time``.
+
+        Without what is still decaying: this is by how much one sender contradicts the one before.
+        """
+        before = (self.position, self.velocity) if self._track is None else self._track.at(time)
+        after = track.at(time)
+        return before[0] - after[0], before[1] - after[1]
 
     def take_over(self, track, time, shortest, speed=1.0, current=None):
         """Play ``track`` from now on, without a jump.
@@ -237,18 +241,22 @@ class Playback:
             Of the decay, s.
         """
         bend = -track.acceleration(time)
+        position, velocity = track.at(time)
         if current is None:
             current = self.sample(time)
+            jump, change = self.jump(track, time)
             if self._track is not None:
                 bend += self._track.acceleration(time)
-                if time < self._decay_end:
-                    bend += _bend(self._decay, time - self._decay_start)
-        position, velocity = track.at(time)
+            if time < self._decay_end:
+                bend += _bend(self._decay, time - self._decay_start)
+            shortest = max(shortest, self._decay_end - time)
+        else:
+            jump, change = current[0] - position, current[1] - velocity
         offset, drift = current[0] - position, current[1] - velocity
         limit_v, limit_a = (speed * limit for limit in self._limits)
-        duration = max(shortest, float(np.max(PEAK_SPEED * np.abs(offset) / limit_v)),
-                       float(np.max(np.sqrt(PEAK_ACCELERATION * np.abs(offset) / limit_a))),
-                       float(np.max(2.0 * np.abs(drift) / limit_a)))
+        duration = max(shortest, float(np.max(PEAK_SPEED * np.abs(jump) / limit_v)),
+                       float(np.max(np.sqrt(PEAK_ACCELERATION * np.abs(jump) / limit_a))),
+                       float(np.max(2.0 * np.abs(change) / limit_a)))
         self._decay = np.ascontiguousarray(quintic(duration, offset, drift, bend, 0.0, 0.0, 0.0))
         self._decay_start, self._decay_end = time, time + duration
         self._track, self._hint = track, 0

@@ -1,0 +1,380 @@
+"""The bridge's behaviour, tick by tick, with motors made of thin air and a clock made of a loop."""
+import contextlib
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from style_core.errors import MotionError, UsageError
+from style_servo.backend import BackendFault, Measurement
+from style_servo.bridge import Bridge, BridgeSettings, Points
+from style_servo.chain import Chain, Joint
+from style_servo.states import EDGES, Event, State, mermaid
+
+RATE = 200.0
+NAMES = ('hip', 'knee')
+START = np.array([0.1, -0.2])
+
+
+class IdealMotors:
+    """Joints that are where they are told to be, until a test says otherwise."""
+
+    def __init__(self):
+        self.measurement = Measurement.unknown(2)
+        self.statistics, self.notes = {}, []
+        self.posture = START.copy()
+        self.sent = []
+        self.torque = False
+        self.stuck = self.fault = None
+        self.answers = True
+        self.connected = 0
+
+    def connect(self):
+        self.torque = False
+        if self.fault:
+            raise self.fault
+        self.connected += 1
+        self.observe()
+
+    def observe(self):
+        if self.fault:
+            raise self.fault
+        self.measurement.position = self.posture.copy()
+        self.measurement.fresh = self.answers
+
+    def enable(self):
+        if self.fault:
+            raise self.fault
+        self.torque = True
+        self.observe()
+
+    def exchange(self, position, velocity):
+        assert self.torque
+        self.sent.append(position.copy())
+        self.posture = position.copy()
+        if self.stuck is not None:
+            self.posture[0] = self.stuck
+        self.observe()
+
+    def disable(self):
+        self.torque = False
+        return True
+
+    def close(self):
+        self.disable()
+
+
+class Rig:
+    """A bridge, its motors and a clock."""
+
+    def __init__(self, armed=True, **changes):
+        self.chain = Chain(tuple(Joint(name, -1.0, 1.0, 3.0, 20.0, 0.3, 0.3) for name in NAMES))
+        self.motors = IdealMotors()
+        self.bridge = Bridge(self.chain, self.motors, BridgeSettings(rate=RATE, **changes))
+        self.now = 100.0
+        self.path = []
+        if armed:
+            self.motors.connect()
+            self.bridge.arm(self.now)
+            assert self.bridge.state is State.READY
+
+    def run(self, seconds):
+        for _ in range(round(seconds * RATE)):
+            self.now += 1 / RATE
+            self.bridge.tick(self.now)
+            self.path.append(self.bridge.command.copy())
+        return self
+
+    def send(self, times, positions, velocities=None, names=NAMES, delay=0.0):
+        self.bridge.submit(Points(names, np.asarray(times, float), np.asarray(positions, float), velocities),
+                           self.now + delay, self.now)
+
+    def wave(self, seconds=0.6):
+        """A window of an endless motion, as a predictor sends it."""
+        times = np.linspace(0, seconds, 20)
+        t = (self.now - 100.0 + times)[:, None]
+        phase = np.array([0.0, 1.0])
+        self.send(times, 0.4 * np.sin(3 * t + phase), 1.2 * np.cos(3 * t + phase))
+
+    def stream(self, seconds, every=5):
+        for k in range(round(seconds * RATE)):
+            if k % every == 0:
+                self.wave()
+            self.run(1 / RATE)
+        return self
+
+    def stays_within_limits(self):
+        path = np.array(self.motors.sent)
+        steps = np.diff(path, axis=0)
+        assert np.all(np.abs(path) <= 1.0)
+        assert np.all(np.abs(steps) <= 3.0 / RATE)
+        assert np.all(np.abs(np.diff(steps, axis=0)) <= 20.0 / RATE / RATE)
+
+
+def test_it_holds_the_measured_posture_until_a_trajectory_comes():
+    rig = Rig().run(0.5)
+    np.testing.assert_allclose(rig.path, np.tile(START, (100, 1)), atol=1e-12)
+
+
+def test_streaming_ramps_in_and_then_follows_exactly():
+    rig = Rig().stream(0.1)
+    assert rig.bridge.state is State.RAMPING
+    rig.stream(3.0)
+    assert rig.bridge.state is State.STREAMING
+    t = rig.now - 100.0
+    np.testing.assert_allclose(rig.bridge.command, 0.4 * np.sin(3 * t + np.array([0, 1])), atol=1e-4)
+    rig.stays_within_limits()
+    # the ramp stays within its fraction of the speed limit, on top of the motion's own 1.2 rad/s
+    ramp = np.abs(np.diff(rig.path[:60], axis=0)) * RATE
+    assert ramp.max() < 0.3 * 3.0 + 1.2 + 0.01
+
+
+def test_a_single_goal_is_approached_and_kept():
+    rig = Rig()
+    rig.send([1.5], [[0.8, 0.5]])
+    rig.run(2.0)
+    assert rig.bridge.state is State.READY and rig.bridge.reason == ''
+    np.testing.assert_allclose(rig.bridge.command, [0.8, 0.5], atol=1e-9)
+    rig.stays_within_limits()
+
+
+def test_input_that_stops_leads_to_a_smooth_hold_within_the_configured_time():
+    rig = Rig(input_timeout=0.2).stream(2.0)
+    rig.run(0.15)
+    assert rig.bridge.state is State.STREAMING
+    rig.run(0.07)
+    assert rig.bridge.state is State.HOLDING and 'no new trajectory' in rig.bridge.reason
+    rig.run(0.3)
+    held = rig.bridge.command.copy()
+    rig.run(1.0)
+    np.testing.assert_array_equal(rig.bridge.command, held)
+    rig.stays_within_limits()
+    rig.stream(2.0)      # and back, without a jump
+    assert rig.bridge.state is State.STREAMING
+    rig.stays_within_limits()
+
+
+def test_a_window_that_runs_out_while_moving_coasts_and_holds():
+    rig = Rig(input_timeout=0.0).stream(1.5)
+    rig.run(0.9)
+    assert rig.bridge.state is State.HOLDING and 'ended while moving' in rig.bridge.reason
+    rig.stays_within_limits()
+
+
+def test_a_latched_hold_wants_a_reset():
+    rig = Rig(latch_hold=True).stream(1.5)
+    rig.run(1.0)
+    with pytest.raises(MotionError, match='HOLDING: call reset first'):
+        rig.wave()
+    rig.bridge.reset(rig.now)
+    rig.stream(1.5)
+    assert rig.bridge.state is State.STREAMING
+    rig.stays_within_limits()
+
+
+@pytest.mark.parametrize('policy, state, torque', [('hold', State.HOLDING, True), ('relax', State.RELAXED, False),
+                                                   ('fault', State.FAULT, True)])
+def test_the_hold_policy(policy, state, torque):
+    rig = Rig(hold_policy=policy, hold_timeout=0.5).stream(1.0)
+    rig.run(1.2)
+    assert rig.bridge.state is state and rig.motors.torque is torque
+    if state is not State.HOLDING:
+        rig.motors.posture += 0.05       # sagged
+        rig.bridge.reset(rig.now)
+        assert rig.bridge.state is State.READY and rig.motors.torque
+        if policy == 'relax':
+            np.testing.assert_allclose(rig.bridge.command, rig.motors.posture, atol=1e-12)
+
+
+@pytest.mark.parametrize('action, torque', [('brake', True), ('torque_off', False)])
+def test_an_emergency_stop_acts_in_the_next_cycle_and_latches(action, torque):
+    rig = Rig(estop_action=action).stream(2.0)
+    speed = np.abs(rig.bridge.command_velocity)
+    assert speed.max() > 0.5
+    rig.bridge.estop(rig.now)
+    assert rig.motors.torque is torque
+    rig.run(1 / RATE)
+    assert rig.bridge.state is State.ESTOP
+    if torque:      # braking as hard as the limits allow, from the very next command
+        np.testing.assert_allclose(np.abs(rig.bridge.command_velocity), np.maximum(speed - 20.0 / RATE, 0), atol=1e-6)
+    rig.run(0.5)
+    with pytest.raises(MotionError, match='ESTOP'):
+        rig.wave()
+    rig.bridge.estop_held = True
+    with pytest.raises(UsageError, match='still pressed'):
+        rig.bridge.reset(rig.now)
+    rig.bridge.estop_held = False
+    rig.bridge.reset(rig.now)
+    rig.stream(2.0)
+    assert rig.bridge.state is State.STREAMING
+    rig.stays_within_limits()
+
+
+def test_reset_waits_until_the_joints_stand():
+    rig = Rig().stream(2.0)
+    rig.bridge.estop(rig.now)
+    rig.run(1 / RATE)
+    with pytest.raises(UsageError, match='still brake'):
+        rig.bridge.reset(rig.now)
+
+
+def test_a_following_error_is_a_fault_that_names_the_joint():
+    rig = Rig()
+    rig.motors.stuck = 0.1
+    rig.send([1.0], [[0.9, 0.0]])
+    rig.run(1.5)
+    assert rig.bridge.state is State.FAULT and 'hip does not follow' in rig.bridge.reason
+    rig.motors.stuck = None
+    rig.run(0.5)
+    rig.bridge.reset(rig.now)
+    assert rig.bridge.state is State.READY
+
+
+@pytest.mark.parametrize('lost', [True, False])
+def test_a_back_end_fault_latches_and_reset_reconnects(lost):
+    rig = Rig().stream(1.0)
+    rig.motors.fault = BackendFault('servo gone', connection_lost=lost)
+    rig.run(0.1)
+    assert rig.bridge.state is State.FAULT and rig.bridge.reason == 'servo gone'
+    with pytest.raises(BackendFault):
+        rig.bridge.reset(rig.now)
+    assert rig.bridge.state is State.FAULT and 'reset failed' in rig.bridge.reason
+    rig.motors.fault = None
+    rig.bridge.reset(rig.now)
+    assert rig.bridge.state is State.READY and rig.motors.connected == 2
+    rig.stream(1.0)
+    assert rig.bridge.state is State.STREAMING
+
+
+def test_arming_refuses_an_impossible_posture_and_an_unknown_one():
+    rig = Rig(armed=False)
+    rig.motors.posture = np.array([0.0, 1.2])
+    with pytest.raises(UsageError, match=r'knee stands at 1\.200 rad, outside its limits'):
+        rig.bridge.arm(rig.now)
+    assert not rig.motors.torque and rig.bridge.state is State.DISARMED
+    rig.motors.posture = START.copy()
+    rig.motors.answers = False
+    with pytest.raises(UsageError, match='not known'):
+        rig.bridge.arm(rig.now)
+    rig.motors.answers = True
+    rig.bridge.estop_held = True
+    with pytest.raises(UsageError, match='still pressed'):
+        rig.bridge.arm(rig.now)
+
+
+def test_disarming_brakes_first():
+    rig = Rig().stream(2.0)
+    assert rig.bridge.moving
+    rig.bridge.stop(rig.now, clock=lambda: 0.0, sleep=lambda s: None)
+    assert not rig.bridge.moving
+    rig.bridge.disarm(rig.now)
+    assert rig.bridge.state is State.DISARMED and not rig.motors.torque
+    rig.stays_within_limits()
+
+
+BAD = [
+    ({'times': [0.0, 0.1], 'positions': [[0, np.nan], [0, 0]]}, 'finite'),
+    ({'times': [0.0, 0.1], 'positions': [[0, np.inf], [0, 0]]}, 'finite'),
+    ({'times': [0.0, 0.1], 'positions': [[1e300, 0], [0, 0]]}, 'large'),
+    ({'times': [0.1, 0.0], 'positions': [[0, 0], [0, 0]]}, 'increase'),
+    ({'times': [0.1, 0.1], 'positions': [[0, 0], [0, 0]]}, 'increase'),
+    ({'times': [0.1], 'positions': [[0, 0, 0]]}, 'shape'),
+    ({'times': [], 'positions': np.zeros((0, 2))}, 'fit'),
+    ({'times': [0.1], 'positions': [[0, 0]], 'names': ('hip', 'elbow')}, 'unknown joint elbow'),
+    ({'times': [0.1], 'positions': [[0, 0]], 'names': ('hip', 'hip')}, 'twice'),
+    ({'times': [0.1], 'positions': [[0]], 'names': ('hip',)}, 'no values for joint knee'),
+    ({'times': [0.1], 'positions': [[0, 0]], 'velocities': np.full((1, 2), np.nan)}, 'finite'),
+    ({'times': [0.1, 0.2], 'positions': [[0, 0], [0, 0]], 'delay': 5.0}, 'future'),
+    ({'times': [0.1, 0.2], 'positions': [[0, 0], [0, 0]], 'delay': -5.0}, 'ago'),
+    ({'times': [0.1, 0.2], 'positions': [[0, 0], [0, 0]], 'delay': math.nan}, 'future'),
+]
+
+
+@pytest.mark.parametrize('bad, words', BAD)
+def test_bad_trajectories_are_refused_counted_and_change_nothing(bad, words):
+    calm, rig = Rig().stream(1.0), Rig().stream(1.0)
+    with pytest.raises(MotionError, match=words):
+        rig.send(**bad)
+    assert rig.bridge.counts['rejected'] == 1 and sum(rig.bridge.rejections.values()) == 1
+    np.testing.assert_array_equal(rig.run(0.2).path, calm.run(0.2).path)
+
+
+def test_a_jump_while_streaming_is_refused():
+    rig = Rig().stream(1.5)
+    with pytest.raises(MotionError, match='would jump'):
+        rig.send([0.0, 0.1], rig.bridge.command + np.array([[0.5, 0], [0.5, 0]]))
+    assert rig.bridge.rejections == {'discontinuity': 1}
+
+
+def test_targets_that_run_away_end_in_a_hold():
+    rig = Rig().stream(1.0)
+    now = rig.bridge.command
+    rig.send([0.0, 0.1, 0.6], np.array([now, now + [0.7, 0.0], now + [-0.7, 0.0]]))
+    rig.run(0.4)
+    assert rig.bridge.state is State.HOLDING and 'hip runs away' in rig.bridge.reason
+    rig.stays_within_limits()
+
+
+def test_some_of_the_joints_where_allowed():
+    rig = Rig(partial_joints=True)
+    rig.send([1.0], [[0.5]], names=('knee',))
+    rig.run(1.5)
+    np.testing.assert_allclose(rig.bridge.command, [START[0], 0.5], atol=1e-6)
+
+
+def test_joints_come_in_any_order():
+    rig = Rig()
+    rig.send([1.0], [[0.5, 0.3]], names=('knee', 'hip'))
+    rig.run(1.5)
+    np.testing.assert_allclose(rig.bridge.command, [0.3, 0.5], atol=1e-9)
+
+
+def test_trajectories_that_start_in_the_future_wait_and_then_play():
+    rig = Rig()
+    rig.send([0.5], [[0.4, 0.4]], delay=0.5)
+    rig.send([0.5], [[0.2, 0.2]], delay=0.5)       # replaces the one above
+    rig.run(0.45)
+    np.testing.assert_allclose(rig.bridge.command, START, atol=1e-12)
+    rig.run(1.0)
+    np.testing.assert_allclose(rig.bridge.command, [0.2, 0.2], atol=1e-9)
+    for k in range(16):
+        rig.send([0.5], [[0.2, 0.2]], delay=0.1 + 0.01 * k)
+    with pytest.raises(MotionError, match='already wait'):
+        rig.send([0.5], [[0.2, 0.2]], delay=1.0)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=40, deadline=None)
+def test_random_streams_with_random_events_never_leave_the_limits(seed):
+    rng = np.random.default_rng(seed)
+    rig = Rig(input_timeout=float(rng.choice([0.0, 0.1])), hold_timeout=0.3,
+              hold_policy=str(rng.choice(['hold', 'fault'])))
+    for _ in range(60):
+        k = int(rng.integers(1, 8))
+        times = np.cumsum(rng.exponential(0.1, k))
+        positions = rng.normal(0, rng.choice([0.1, 1.0, 50.0]), (k, 2))
+        if rng.random() < 0.2:
+            positions[rng.integers(k), 0] = rng.choice([np.nan, np.inf, 1e12])
+        velocities = rng.normal(0, rng.choice([0.1, 10.0, 1e6]), (k, 2)) if rng.random() < 0.5 else None
+        with contextlib.suppress(MotionError):
+            rig.send(times, positions, velocities, delay=float(rng.choice([0.0, 0.0, -0.05, 0.1])))
+        event = rng.random()
+        if event < 0.03:
+            rig.bridge.estop(rig.now)
+        elif event < 0.2:
+            with contextlib.suppress(UsageError):
+                rig.bridge.reset(rig.now)
+        rig.run(float(rng.exponential(0.05)))
+    rig.stays_within_limits()
+
+
+def test_the_state_diagram_shows_every_edge():
+    text = mermaid()
+    assert all(event.name.lower() in text for event in Event)
+    assert all(f'{state.name} --> {target.name}' in text for (state, _), target in EDGES.items())
+    reachable = {State.DISARMED}
+    for _ in State:
+        reachable |= {target for (state, _), target in EDGES.items() if state in reachable}
+    assert reachable == set(State)
