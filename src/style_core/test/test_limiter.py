@@ -162,6 +162,21 @@ def test_bad_input_brakes_and_is_reported():
     assert limiter.stopped and limiter.velocity[0] == 0
 
 
+def test_stop_foretells_where_braking_ends():
+    rng = np.random.default_rng(3)
+    limits = random_limits(rng, 50)
+    limiter = Limiter(*limits, np.full(50, 900.0), PERIOD)
+    limiter.reset((limits[0] + limits[1]) / 2)
+    for target, rate in hostile_targets(rng, 50, 60, limits[0], limits[1]):
+        limiter.step(target, rate)
+        assert np.all((limits[0] <= limiter.stop()[0]) & (limiter.stop()[0] <= limits[1]))
+    end, duration = limiter.stop()
+    for _ in range(round(duration / PERIOD)):
+        limiter.brake()
+    assert limiter.stopped
+    np.testing.assert_array_equal(limiter.position, end)
+
+
 def test_before_reset_nothing_but_nan_comes_out():
     limiter = Limiter([-1.0], [1.0], [2.0], [10.0], [0.5], PERIOD)
     assert np.isnan(limiter.position[0])

@@ -66,8 +66,11 @@ class Backend(Protocol):
     def enable(self):
         """Torque on at the posture the joints are in, without motion; refreshes the measurement."""
 
-    def exchange(self, position, velocity):
+    def exchange(self, position, velocity, stop):
         """Send one command (shape (D,), rad and rad/s) and read the joints back into ``measurement``.
+
+        ``stop()`` tells where and when the joints would stand if they braked from there, for back ends that can send
+        that ahead.
 
         A single lost or damaged packet is counted and leaves ``measurement.fresh`` false; what cannot go on raises
         BackendFault.

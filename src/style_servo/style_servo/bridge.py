@@ -439,7 +439,7 @@ class Bridge:
             return
         try:
             if self._torque:
-                self.backend.exchange(self.command, self.command_velocity)
+                self.backend.exchange(self.command, self.command_velocity, self._limiter.stop)
             else:
                 self.backend.observe()
         except BackendFault as error:

@@ -397,7 +397,7 @@ class DynamixelBackend:
         raise BackendFault(f'{servo} lost its torque although nobody switched it off: it has rebooted; look for a dip '
                            'of the supply voltage or a loose cable')
 
-    def exchange(self, position, velocity):
+    def exchange(self, position, velocity, stop=None):
         """Send goal positions and read the servos back; see Backend.exchange."""
         self._cycle(np.clip(np.rint(self._zero + position * self._per_rad), self._low, self._high))
 

@@ -157,6 +157,21 @@ cdef class Limiter:
         self._advance(NULL, NULL)
         return self.position
 
+    def stop(self):
+        """Where and when every joint would stand if it braked from now on.
+
+        Returns
+        -------
+        position : ndarray, shape (D,)
+            Rad, inside the limits like every command.
+        duration : float
+            S.
+        """
+        steps, change = np.asarray(self._w), np.asarray(self._change)
+        n = np.abs(steps) // change
+        way = n * np.abs(steps) - change * (n * (n + 1) // 2)
+        return (np.asarray(self._p) + np.sign(steps) * way) / SCALE, float((n.max() + 1) * self.period)
+
     @property
     def stopped(self):
         """Whether every joint stands still."""

@@ -1,0 +1,89 @@
+"""The bridge in words and numbers for diagnostics."""
+import numpy as np
+
+from style_core.live.health import ERROR, OK, WARN, Health
+from style_servo.states import State
+
+__all__ = ['CycleTimes', 'health_of_bridge']
+
+
+class CycleTimes:
+    """Durations of the bridge's cycles and errors of their period, since the last report and in total."""
+
+    def __init__(self, period):
+        self.period = period
+        self.cycles = self.missed = self.skipped = 0
+        self.last = 0.0
+        self._previous = None
+        self._durations, self._errors = [], []
+
+    def due(self, now):
+        """Whether a cycle may run: not within half a period of the one before (a late one is not made up for)."""
+        if self._previous is not None and now - self._previous < 0.5 * self.period:
+            self.skipped += 1
+            return False
+        if self._previous is not None:
+            self._errors.append(now - self._previous - self.period)
+        self._previous = now
+        return True
+
+    def done(self, duration):
+        """Count a finished cycle."""
+        self.cycles += 1
+        self.last = duration
+        self._durations.append(duration)
+        if duration > self.period:
+            self.missed += 1
+
+    def report(self):
+        """Facts since the last report, as text by name."""
+        facts = {}
+        for name, values in (('cycle time', self._durations), ('period error', np.abs(self._errors))):
+            if len(values):
+                median, high = 1e3 * np.percentile(values, [50, 99])
+                facts[f'{name} p50, p99, max (ms)'] = f'{median:.3f}, {high:.3f}, {1e3 * np.max(values):.3f}'
+        self._durations, self._errors = [], []
+        return facts
+
+
+def health_of_bridge(bridge, times, flood, now):
+    """Report on the bridge: level, one line, and facts.
+
+    Parameters
+    ----------
+    bridge : Bridge
+    times : CycleTimes
+    flood : int
+        Messages dropped because too many came in one cycle.
+    now : float
+        S, on the bridge's clock.
+    """
+    measurement, backend = bridge.backend.measurement, bridge.backend
+    facts = {'state': bridge.state.name, 'reason': bridge.reason or 'none', **times.report(),
+             'input age (s)': f'{bridge.input_age(now):.3f}', 'cycles': str(times.cycles),
+             'missed deadlines': str(times.missed), 'cycles skipped': str(times.skipped),
+             'trajectories accepted': str(bridge.counts['accepted']),
+             'trajectories rejected': str(bridge.counts['rejected']),
+             'messages dropped in floods': str(flood),
+             'joint commands clamped': str(bridge.counts['clamped']),
+             'joint targets rejected': str(bridge.counts['limiter rejections'])}
+    facts.update({f'rejected: {kind}': str(count) for kind, count in bridge.rejections.items()})
+    facts.update({f'bus: {name}': str(count) for name, count in backend.statistics.items()})
+    if np.any(np.isfinite(bridge.command)):
+        error = np.abs(bridge.command - measurement.position)
+        if np.any(np.isfinite(error)):
+            worst = int(np.nanargmax(error))
+            facts['largest following error (rad)'] = f'{error[worst]:.4f} ({bridge.chain.names[worst]})'
+    for i, name in enumerate(bridge.chain.names):
+        if np.isfinite(measurement.temperature[i]):
+            facts[f'{name}: temperature (deg C), voltage (V), effort'] = (
+                f'{measurement.temperature[i]:.0f}, {measurement.voltage[i]:.1f}, {measurement.effort[i]:.3f}')
+    facts.update({f'note {k + 1}': note for k, note in enumerate(backend.notes)})
+    state = bridge.state
+    if state in (State.FAULT, State.ESTOP):
+        return Health(ERROR, f'{state.name}: {bridge.reason}', facts)
+    if state in (State.HOLDING, State.RELAXED):
+        return Health(WARN, f'{state.name}: {bridge.reason}', facts)
+    if not measurement.fresh and state.armed:
+        return Health(WARN, f'{state.name}, but the last bus cycle brought no answer', facts)
+    return Health(OK, state.name, facts)

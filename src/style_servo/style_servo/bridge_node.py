@@ -1,0 +1,332 @@
+"""Joint trajectories in, limited servo commands out: the servo bridge as a lifecycle node."""
+import gc
+import logging
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from style_core.errors import MotionError, UsageError
+from style_core.live.health import WARN, Health
+from style_msgs.msg import BridgeState
+from style_predictor.lifecycle import SoundLifecycleNode, transition
+from style_predictor.outputs import diagnostics_message
+from style_predictor.ros_parameters import declare, values_of, watch
+from style_predictor.templates import MessageTemplate, set_stamp
+from style_servo.backend import BackendFault
+from style_servo.bridge import Bridge
+from style_servo.bridge_health import CycleTimes, health_of_bridge
+from style_servo.chain import load_chain
+from style_servo.parameters import BRIDGE, bridge_settings
+from style_servo.record import Recorder
+from style_servo.trajectory_message import points_of
+
+__all__ = ['BridgeNode', 'main']
+
+STATE_EVERY_S = 0.1
+
+
+def _vector(member):
+    return lambda message, values: setattr(message, member, values.tolist())
+
+
+class BridgeNode(SoundLifecycleNode):
+    """See ``docs/servo.md`` for topics, services, parameters and the state diagram."""
+
+    def __init__(self, **options):
+        super().__init__('servo_bridge', **options)
+        self._bridge = None
+        self._active = False
+        declare(self, BRIDGE)
+        watch(self, BRIDGE, lambda: self._bridge is not None, lambda values: None)
+
+    # --- lifecycle ----------------------------------------------------------------------------------------------
+
+    @transition
+    def on_configure(self, state):
+        """Read the chain file, open and check the motors (torque stays off), make the interfaces."""
+        self._values = values = values_of(self, BRIDGE)
+        chain = load_chain(self._chain_path(values['chain']))
+        period = 1.0 / values['rate']
+        backend = self._make_backend(chain, values, period)
+        bridge = Bridge(chain, backend, bridge_settings(values))
+        try:
+            backend.connect()
+        except BackendFault as error:
+            backend.close()
+            raise UsageError(str(error)) from None
+        for note in backend.notes:
+            self.get_logger().warning(note)
+        self._bridge = bridge
+        self._recorder = Recorder(values['record'], chain, period) if values['record'] else None
+        self._period = period
+        self._times = CycleTimes(period)
+        self._taken = self._flood = 0
+        self._told = None
+        self._state_due = 0.0
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._make_interfaces(chain)
+        gc.collect()
+        gc.freeze()     # what is loaded now stays; the collector need not look at it while a cycle is due
+        self.get_logger().info(f'{chain.name}: {len(chain.joints)} joints on {values["backend"]}, '
+                               f'{values["rate"]:g} commands a second, torque off')
+        return TransitionCallbackReturn.SUCCESS
+
+    def _chain_path(self, path):
+        if not path:
+            raise UsageError('the parameter chain is empty: give a chain file (config/servo/ has examples)')
+        try:
+            folder = Path(get_package_share_directory('style_bringup'))
+        except PackageNotFoundError:
+            folder = Path.cwd()
+        return folder / 'config' / 'servo' / path
+
+    def _make_backend(self, chain, values, period):
+        if values['backend'] == 'ros2_control':
+            from style_servo.ros2_control_backend import Ros2ControlBackend
+            return Ros2ControlBackend(
+                self, chain, period, values['controller'], values['goal_rate'] if values['interface'] == 'action' else None,
+                values['state_timeout'], values['error_run'])
+        from style_servo.dynamixel_backend import BusSettings, DynamixelBackend
+        return DynamixelBackend(chain, BusSettings(
+            port=values['port'], baud=values['baud'], fast_read=values['fast_read'],
+            reply_timeout=values['reply_timeout'], watchdog=values['watchdog'], error_run=values['error_run'],
+            profile_velocity_scale=values['profile_velocity_scale'], reboot=values['reboot_servos']), period)
+
+    def _make_interfaces(self, chain):
+        names, n = list(chain.names), len(chain.names)
+        stamp = (set_stamp, np.int32, 2)
+        self._command_message = MessageTemplate(
+            JointState(name=names), {'stamp': stamp, 'position': (_vector('position'), np.float64, n),
+                                     'velocity': (_vector('velocity'), np.float64, n)})
+        self._measured_message = MessageTemplate(
+            JointState(name=names), {'stamp': stamp, 'position': (_vector('position'), np.float64, n),
+                                     'velocity': (_vector('velocity'), np.float64, n),
+                                     'effort': (_vector('effort'), np.float64, n)})
+        overrides = QoSOverridingOptions.with_default_policies()
+        self._commanded = self.create_lifecycle_publisher(JointState, '~/command', 50)
+        # with ros2_control the joint state broadcaster publishes these
+        self._joint_states = None
+        if self._values['backend'] == 'dynamixel':
+            self._joint_states = self.create_lifecycle_publisher(JointState, 'joint_states', 10)
+        self._state = self.create_lifecycle_publisher(
+            BridgeState, '~/state', QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._subscriptions_made = [
+            self.create_subscription(JointTrajectory, 'joint_trajectory', self._on_trajectory, 8, raw=True,
+                                     qos_overriding_options=overrides),
+            self.create_subscription(Bool, 'estop', self._on_estop_topic, 10, qos_overriding_options=overrides)]
+        self._services_made = [self.create_service(Trigger, '~/estop', self._on_estop),
+                               self.create_service(Trigger, '~/reset', self._on_reset)]
+        # the steady clock: a motor bus must not follow a simulated or corrected time
+        self._timers_made = [self.create_timer(self._period, self._cycle, clock=self._steady),
+                             self.create_timer(1.0, self._report, clock=self._steady)]
+
+    @transition
+    def on_activate(self, state):
+        """Torque on at the measured posture."""
+        try:
+            self._bridge.arm(time.monotonic())
+        except BackendFault as error:
+            raise UsageError(str(error)) from None
+        result = super().on_activate(state)
+        self._times = CycleTimes(self._period)
+        self._active = True
+        self._publish_state()
+        return result
+
+    @transition
+    def on_deactivate(self, state):
+        """Brake, then torque off."""
+        self._disarm()
+        self._publish_state()
+        return super().on_deactivate(state)
+
+    @transition
+    def on_cleanup(self, state):
+        """Let go of the motors and give back everything that configuring made."""
+        self._tear_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    @transition
+    def on_shutdown(self, state):
+        """The same on the way out."""
+        self._tear_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    @transition
+    def on_error(self, state):
+        """After an unforeseen error: motors off, everything given back, so that the node can be configured again."""
+        self._tear_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    def _disarm(self):
+        if self._active:
+            self._active = False
+            self._bridge.stop(time.monotonic())
+            self._bridge.disarm(time.monotonic())
+
+    def release(self):
+        """Brake and torque off, whatever state the node is in; for the end of the program."""
+        if self._bridge is not None:
+            self._disarm()
+            self._bridge.backend.close()
+            if self._recorder is not None:
+                self._recorder.close()
+
+    def _tear_down(self):
+        if self._bridge is None:
+            return
+        self.release()
+        self._bridge = None
+        for one in self._subscriptions_made:
+            self.destroy_subscription(one)
+        for one in self._services_made:
+            self.destroy_service(one)
+        for one in self._timers_made:
+            self.destroy_timer(one)
+        for one in (self._commanded, self._joint_states, self._state):
+            if one is not None:
+                self.destroy_lifecycle_publisher(one)
+        self.destroy_publisher(self._diagnostics)
+
+    # --- input --------------------------------------------------------------------------------------------------
+
+    def _on_trajectory(self, raw):
+        if not self._active:
+            return
+        self._taken += 1
+        if self._taken > self._values['messages_per_cycle']:
+            self._flood += 1
+            return
+        now = time.monotonic()
+        try:
+            if len(raw) > self._values['max_message_bytes']:
+                error = MotionError(f'a message of {len(raw)} bytes is refused unread')
+                error.kind = 'size'
+                raise error
+            message = deserialize_message(raw, JointTrajectory)
+            points = points_of(message)
+        except MotionError as error:
+            self._bridge.count_rejection(error)
+            self._tell_rejection(error)
+            return
+        stamp = message.header.stamp
+        start = now
+        if stamp.sec or stamp.nanosec:
+            start += stamp.sec + 1e-9 * stamp.nanosec - 1e-9 * self.get_clock().now().nanoseconds
+        try:
+            self._bridge.submit(points, start, now)
+        except MotionError as error:
+            self._tell_rejection(error)
+
+    def _tell_rejection(self, error):
+        self.get_logger().warning(f'trajectory refused: {error}', throttle_duration_sec=1.0)
+
+    def _on_estop_topic(self, message):
+        self._bridge.estop_held = message.data
+        if message.data:
+            self._bridge.estop(time.monotonic(), 'emergency stop by topic')
+
+    def _on_estop(self, request, response):
+        self._bridge.estop(time.monotonic(), 'emergency stop by service')
+        response.success = self._bridge.state.name == 'ESTOP'
+        response.message = self._bridge.state.name
+        return response
+
+    def _on_reset(self, request, response):
+        try:
+            self._bridge.reset(time.monotonic())
+            response.success = True
+        except (UsageError, BackendFault) as error:
+            response.message = str(error)
+        return response
+
+    # --- output -------------------------------------------------------------------------------------------------
+
+    def _cycle(self):
+        now = time.monotonic()
+        if not self._active or not self._times.due(now):
+            return
+        self._taken = 0
+        bridge = self._bridge
+        bridge.tick(now)
+        self._times.done(time.monotonic() - now)
+        stamp = divmod(self.get_clock().now().nanoseconds, 10**9)
+        measurement = bridge.backend.measurement
+        self._commanded.publish(self._command_message.write(stamp=stamp, position=bridge.command,
+                                                            velocity=bridge.command_velocity))
+        if self._joint_states is not None and measurement.fresh:
+            self._joint_states.publish(self._measured_message.write(
+                stamp=stamp, position=measurement.position, velocity=measurement.velocity, effort=measurement.effort))
+        if self._recorder is not None:
+            self._recorder.write(now, bridge.state, bridge.target, bridge.command, measurement.position)
+        if bridge.state is not self._told or now >= self._state_due:
+            self._publish_state()
+
+    def _publish_state(self):
+        bridge, measurement = self._bridge, self._bridge.backend.measurement
+        now = time.monotonic()
+        if bridge.state is not self._told:
+            level = logging.WARNING if bridge.reason else logging.INFO
+            text = f'{bridge.state.name}{": " + bridge.reason if bridge.reason else ""}'
+            (self.get_logger().warning if level == logging.WARNING else self.get_logger().info)(text)
+        self._told, self._state_due = bridge.state, now + STATE_EVERY_S
+        statistics = bridge.backend.statistics
+        message = BridgeState(
+            state=int(bridge.state), reason=bridge.reason, estop_held=bridge.estop_held,
+            joint_names=list(bridge.chain.names), commanded=bridge.command.tolist(),
+            measured=measurement.position.tolist(), limited=(bridge.bands != 0).tolist(),
+            input_age=float(bridge.input_age(now)), cycle_time=self._times.last, cycles=self._times.cycles,
+            accepted=bridge.counts['accepted'], rejected=bridge.counts['rejected'] + self._flood,
+            clamped=bridge.counts['clamped'], missed_deadlines=self._times.missed,
+            bus_errors=sum(count for name, count in statistics.items() if 'errors' in name))
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._state.publish(message)
+
+    def _report(self):
+        health = Health(WARN, 'not active', {})
+        if self._active:
+            health = health_of_bridge(self._bridge, self._times, self._flood, time.monotonic())
+        self._diagnostics.publish(diagnostics_message(self.get_clock().now().to_msg(),
+                                                      f'{self.get_name()}: motors', health, self._bridge.chain.name))
+
+
+def main(args=None):
+    """Run the node until it is told to stop; the motors are released on every way out that Python sees."""
+    rclpy.init(args=args)
+    node = None
+    try:
+        node = BridgeNode()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except UsageError as error:
+        print(f'servo_bridge: {error}', file=sys.stderr)
+        return 2
+    finally:
+        if node is not None:
+            node.release()
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

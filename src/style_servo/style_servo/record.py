@@ -1,0 +1,76 @@
+"""The bridge's flight record: every cycle as a row of numbers in a file."""
+import json
+import struct
+from pathlib import Path
+from typing import NamedTuple, Tuple
+
+import numpy as np
+
+from style_core.errors import MotionError
+
+__all__ = ['Recorder', 'Record', 'read_record']
+
+
+class Record(NamedTuple):
+    """A flight record: T cycles of D joints.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+    time : ndarray, shape (T,)
+        S on a monotonic clock.
+    state : ndarray of int, shape (T,)
+        See style_servo.states.State.
+    target, command, measured : ndarray, shape (T, D)
+        Rad: what the trajectory asked for, what was sent after limiting, what the joints did.
+    limits : dict of str to ndarray
+        ``lower``, ``upper`` (rad), ``velocity``, ``acceleration`` of the chain, and ``period`` (s).
+    """
+
+    joint_names: Tuple[str, ...]
+    time: np.ndarray
+    state: np.ndarray
+    target: np.ndarray
+    command: np.ndarray
+    measured: np.ndarray
+    limits: dict
+
+
+class Recorder:
+    """Write a flight record: a line of JSON, then rows of float64."""
+
+    def __init__(self, path, chain, period):
+        self._file = Path(path).open('wb', buffering=1 << 20)     # noqa: SIM115  (open as long as the bridge)
+        limits = {field: chain.array(field).tolist() for field in ('lower', 'upper', 'velocity', 'acceleration')}
+        self._file.write(json.dumps({'joint_names': chain.names, 'period': period, **limits}).encode() + b'\n')
+        self._head = struct.Struct('<dd')
+
+    def write(self, time, state, target, command, measured):
+        """Append one cycle."""
+        self._file.write(self._head.pack(time, state) + target.tobytes() + command.tobytes() + measured.tobytes())
+
+    def close(self):
+        """Finish the file."""
+        self._file.close()
+
+
+def read_record(path):
+    """Read a flight record; a last row cut short (the program was killed) is left out.
+
+    Raises
+    ------
+    MotionError
+        If the file is no flight record.
+    """
+    content = Path(path).read_bytes()
+    line, _, rows = content.partition(b'\n')
+    try:
+        head = json.loads(line)
+        names = tuple(head.pop('joint_names'))
+    except (ValueError, KeyError, AttributeError, TypeError):
+        raise MotionError(f'{path} is not a flight record of the bridge') from None
+    n = len(names)
+    width = 8 * (2 + 3 * n)
+    table = np.frombuffer(rows[:len(rows) // width * width], np.float64).reshape(-1, 2 + 3 * n)
+    return Record(names, table[:, 0], table[:, 1].astype(int), table[:, 2:2 + n], table[:, 2 + n:2 + 2 * n],
+                  table[:, 2 + 2 * n:], {key: np.array(value) for key, value in head.items()})
