@@ -99,7 +99,8 @@ class BridgeNode(SoundLifecycleNode):
         if values['backend'] == 'ros2_control':
             from style_servo.ros2_control_backend import Ros2ControlBackend
             return Ros2ControlBackend(
-                self, chain, period, values['controller'], values['goal_rate'] if values['interface'] == 'action' else None,
+                self, chain, period, values['controller'],
+                values['goal_rate'] if values['interface'] == 'action' else None,
                 values['state_timeout'], values['error_run'])
         from style_servo.dynamixel_backend import BusSettings, DynamixelBackend
         return DynamixelBackend(chain, BusSettings(
