@@ -19,6 +19,7 @@ log = logging.getLogger(__name__)
 
 MAX_PENDING = 16        # trajectories that start in the future
 REJECT_RUN = 3          # ticks in a row with rejected targets that end a trajectory
+LOOKS = 5               # tries to read the posture when arming
 POSTURE_TOLERANCE = 0.05        # rad that a posture may lie outside the limits when arming
 
 
@@ -192,7 +193,10 @@ class Bridge:
 
     def _take_posture(self):
         """Check the posture, torque on, and start everything from it."""
-        self.backend.observe()
+        for _ in range(LOOKS):
+            self.backend.observe()
+            if self.backend.measurement.fresh:
+                break
         posture = self.backend.measurement.position.copy()
         outside = np.maximum(self._lower - posture, posture - self._upper)
         if not self.backend.measurement.fresh:

@@ -1,11 +1,10 @@
 """Joint trajectories in, limited servo commands out: the servo bridge as a lifecycle node."""
+import array
 import gc
-import logging
 import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
@@ -16,7 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Header
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
@@ -26,7 +25,6 @@ from style_msgs.msg import BridgeState
 from style_predictor.lifecycle import SoundLifecycleNode, transition
 from style_predictor.outputs import diagnostics_message
 from style_predictor.ros_parameters import declare, values_of, watch
-from style_predictor.templates import MessageTemplate, set_stamp
 from style_servo.backend import BackendFault
 from style_servo.bridge import Bridge
 from style_servo.bridge_health import CycleTimes, health_of_bridge
@@ -40,8 +38,9 @@ __all__ = ['BridgeNode', 'main']
 STATE_EVERY_S = 0.1
 
 
-def _vector(member):
-    return lambda message, values: setattr(message, member, values.tolist())
+def _floats(values):
+    """What rclpy takes for float64[] without looking at every number."""
+    return array.array('d', values.tobytes())
 
 
 class BridgeNode(SoundLifecycleNode):
@@ -61,7 +60,7 @@ class BridgeNode(SoundLifecycleNode):
         """Read the chain file, open and check the motors (torque stays off), make the interfaces."""
         self._values = values = values_of(self, BRIDGE)
         chain = load_chain(self._chain_path(values['chain']))
-        period = 1.0 / values['rate']
+        self._period = period = 1.0 / values['rate']
         backend = self._make_backend(chain, values, period)
         bridge = Bridge(chain, backend, bridge_settings(values))
         try:
@@ -71,15 +70,13 @@ class BridgeNode(SoundLifecycleNode):
             raise UsageError(str(error)) from None
         for note in backend.notes:
             self.get_logger().warning(note)
+        self._make_interfaces(chain)
         self._bridge = bridge
         self._recorder = Recorder(values['record'], chain, period) if values['record'] else None
-        self._period = period
         self._times = CycleTimes(period)
         self._taken = self._flood = 0
         self._told = None
         self._state_due = 0.0
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._make_interfaces(chain)
         gc.collect()
         gc.freeze()     # what is loaded now stays; the collector need not look at it while a cycle is due
         self.get_logger().info(f'{chain.name}: {len(chain.joints)} joints on {values["backend"]}, '
@@ -109,15 +106,7 @@ class BridgeNode(SoundLifecycleNode):
             profile_velocity_scale=values['profile_velocity_scale'], reboot=values['reboot_servos']), period)
 
     def _make_interfaces(self, chain):
-        names, n = list(chain.names), len(chain.names)
-        stamp = (set_stamp, np.int32, 2)
-        self._command_message = MessageTemplate(
-            JointState(name=names), {'stamp': stamp, 'position': (_vector('position'), np.float64, n),
-                                     'velocity': (_vector('velocity'), np.float64, n)})
-        self._measured_message = MessageTemplate(
-            JointState(name=names), {'stamp': stamp, 'position': (_vector('position'), np.float64, n),
-                                     'velocity': (_vector('velocity'), np.float64, n),
-                                     'effort': (_vector('effort'), np.float64, n)})
+        self._names = list(chain.names)
         overrides = QoSOverridingOptions.with_default_policies()
         self._commanded = self.create_lifecycle_publisher(JointState, '~/command', 50)
         # with ros2_control the joint state broadcaster publishes these
@@ -134,8 +123,9 @@ class BridgeNode(SoundLifecycleNode):
         self._services_made = [self.create_service(Trigger, '~/estop', self._on_estop),
                                self.create_service(Trigger, '~/reset', self._on_reset)]
         # the steady clock: a motor bus must not follow a simulated or corrected time
-        self._timers_made = [self.create_timer(self._period, self._cycle, clock=self._steady),
-                             self.create_timer(1.0, self._report, clock=self._steady)]
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timers_made = [self.create_timer(self._period, self._cycle, clock=steady),
+                             self.create_timer(1.0, self._report, clock=steady)]
 
     @transition
     def on_activate(self, state):
@@ -267,13 +257,14 @@ class BridgeNode(SoundLifecycleNode):
         bridge = self._bridge
         bridge.tick(now)
         self._times.done(time.monotonic() - now)
-        stamp = divmod(self.get_clock().now().nanoseconds, 10**9)
+        header = Header(stamp=self.get_clock().now().to_msg())
         measurement = bridge.backend.measurement
-        self._commanded.publish(self._command_message.write(stamp=stamp, position=bridge.command,
-                                                            velocity=bridge.command_velocity))
+        self._commanded.publish(JointState(header=header, name=self._names, position=_floats(bridge.command),
+                                           velocity=_floats(bridge.command_velocity)))
         if self._joint_states is not None and measurement.fresh:
-            self._joint_states.publish(self._measured_message.write(
-                stamp=stamp, position=measurement.position, velocity=measurement.velocity, effort=measurement.effort))
+            self._joint_states.publish(JointState(
+                header=header, name=self._names, position=_floats(measurement.position),
+                velocity=_floats(measurement.velocity), effort=_floats(measurement.effort)))
         if self._recorder is not None:
             self._recorder.write(now, bridge.state, bridge.target, bridge.command, measurement.position)
         if bridge.state is not self._told or now >= self._state_due:
@@ -283,15 +274,16 @@ class BridgeNode(SoundLifecycleNode):
         bridge, measurement = self._bridge, self._bridge.backend.measurement
         now = time.monotonic()
         if bridge.state is not self._told:
-            level = logging.WARNING if bridge.reason else logging.INFO
-            text = f'{bridge.state.name}{": " + bridge.reason if bridge.reason else ""}'
-            (self.get_logger().warning if level == logging.WARNING else self.get_logger().info)(text)
+            if bridge.reason:
+                self.get_logger().warning(f'{bridge.state.name}: {bridge.reason}')
+            else:
+                self.get_logger().info(bridge.state.name)
         self._told, self._state_due = bridge.state, now + STATE_EVERY_S
         statistics = bridge.backend.statistics
         message = BridgeState(
             state=int(bridge.state), reason=bridge.reason, estop_held=bridge.estop_held,
-            joint_names=list(bridge.chain.names), commanded=bridge.command.tolist(),
-            measured=measurement.position.tolist(), limited=(bridge.bands != 0).tolist(),
+            joint_names=self._names, commanded=_floats(bridge.command),
+            measured=_floats(measurement.position), limited=(bridge.bands != 0).tolist(),
             input_age=float(bridge.input_age(now)), cycle_time=self._times.last, cycles=self._times.cycles,
             accepted=bridge.counts['accepted'], rejected=bridge.counts['rejected'] + self._flood,
             clamped=bridge.counts['clamped'], missed_deadlines=self._times.missed,

@@ -152,6 +152,7 @@ class DynamixelBackend:
         self._packets = PacketHandler(2.0)
         self._run = 0
         self._torque = False
+        self._torque_on, self._watchdogs = np.zeros((2, n), dtype=int)
         self._slow_turn = 0
         self._slow_every = max(1, round(1.0 / period / n))
 
@@ -268,13 +269,12 @@ class DynamixelBackend:
             'Status Return Level': 2, 'Return Delay Time': 0, 'Operating Mode': POSITION_MODE,
             'Drive Mode': self._read(servo, 'Drive Mode') & ~TIME_PROFILE,
             'Min Position Limit': servo.low, 'Max Position Limit': servo.high, 'Bus Watchdog': 0}
-        speed = joint.velocity * self._settings.profile_velocity_scale
         top = self._read(servo, 'Velocity Limit')
-        wanted = math.ceil(speed / table.velocity_unit)
-        if top < wanted:
+        if top * table.velocity_unit < joint.velocity:
             self.notes.append(f'{servo}: its Velocity Limit register allows {top * table.velocity_unit:.2f} rad/s, '
-                              f'less than {speed:.2f}; it will lag behind fast commands')
-            wanted = max(1, top)
+                              f'less than the {joint.velocity:g} of the chain file; it will lag behind fast commands')
+        speed = joint.velocity * self._settings.profile_velocity_scale
+        wanted = max(1, min(top, math.ceil(speed / table.velocity_unit)))
         settings['Profile Velocity'] = wanted
         # lets the profile reach full speed within the distance of one command: finer than that it would lag
         least = max(joint.acceleration, speed / (2 * self._period))
@@ -349,6 +349,17 @@ class DynamixelBackend:
                 break
         self._check(servo, (result, error), name)
 
+    def _write_all(self, name, values):
+        """One item of every servo in one packet (one a group of equal addresses), without answers."""
+        groups = {}
+        for servo, value in zip(self._servos, values):
+            groups.setdefault(servo.table[name], []).append((servo, value))
+        for item, pairs in groups.items():
+            group = GroupSyncWrite(self._port, self._packets, item.address, item.size)
+            for servo, value in pairs:
+                group.addParam(servo.id, list(value.to_bytes(item.size, 'little')))
+            group.txPacket()
+
     # --- every cycle --------------------------------------------------------------------------------------------
 
     def _write_goals(self, counts):
@@ -381,6 +392,7 @@ class DynamixelBackend:
             for i, (torque, error, watchdog, *_) in zip(indices, raw):
                 if error or watchdog < 0 or (self._torque and not torque):
                     self._explain(self._servos[i], torque, error, watchdog)
+            self._torque_on[indices], self._watchdogs[indices] = raw[:, 0], raw[:, 2]
             measurement.effort[indices] = raw[:, 3] * self._effort_unit[indices]
             measurement.velocity[indices] = raw[:, 4] * self._speed_unit[indices]
             measurement.position[indices] = (raw[:, 5] - self._zero[indices]) / self._per_rad[indices]
@@ -472,27 +484,29 @@ class DynamixelBackend:
                     break
             else:
                 self._give_up()
-            posture = self.measurement.position
-            for servo in self._servos:
-                self._write(servo, 'Bus Watchdog', 0)
-            for servo, angle in zip(self._servos, posture):
-                # a goal outside the limits would be refused: such a joint starts towards its limit
-                goal = int(np.clip(round(servo.counts(angle)), servo.low, servo.high))
-                self._write(servo, 'Goal Position', goal)
-                if _signed(self._read(servo, 'Goal Position'), 4) != goal:
-                    raise BackendFault(f'{servo}: the goal did not take')
+            # everything below goes to all servos in one packet each: a servo that only hears others being spoken to
+            # runs into its watchdog
+            self._write_all('Bus Watchdog', [0] * len(self._servos))
+            goals = np.clip(np.rint(self._zero + self.measurement.position * self._per_rad), self._low, self._high)
+            self._write_goals(goals)
+            for servo, goal in zip(self._servos, goals):
+                found = _signed(self._read(servo, 'Goal Position'), 4)
+                if found != goal:
+                    raise BackendFault(f'{servo}: the goal is {found} after writing {goal:.0f}')
             ticks = max(1, min(127, math.ceil(self._settings.watchdog / 0.020 - 1e-9)))
-            for servo in self._servos:
-                self._write(servo, 'Torque Enable', 1)
-                if self._read(servo, 'Torque Enable') != 1:
-                    raise BackendFault(f'{servo}: torque does not switch on')
-            for servo in self._servos:
-                self._write(servo, 'Bus Watchdog', ticks)
-                # between two of these writes the others hear too little for a short watchdog
-                self._write_goals(np.clip(np.rint(self._zero + posture * self._per_rad), self._low, self._high))
+            self._write_all('Torque Enable', [1] * len(self._servos))
+            self._write_all('Bus Watchdog', [ticks] * len(self._servos))
+            for _ in range(TRIES):
+                if self._read_all():
+                    break
+            else:
+                self._give_up()
+            for servo, torque, watchdog in zip(self._servos, self._torque_on, self._watchdogs):
+                if torque != 1 or watchdog != ticks:
+                    raise BackendFault(f'{servo}: after switching on, Torque Enable is {torque} and Bus Watchdog '
+                                       f'{watchdog} instead of 1 and {ticks}')
             self._torque = True
             self._run = 0
-            self._read_all()
         except _GONE as error:
             raise self._unplugged(error) from None
         except BaseException:
@@ -503,14 +517,7 @@ class DynamixelBackend:
         """Torque off for all at once, without waiting for answers."""
         self._torque = False
         self._port.is_using = False
-        addresses = {}
-        for servo in self._servos:
-            addresses.setdefault(servo.table['Torque Enable'].address, []).append(servo)
-        for address, servos in addresses.items():
-            group = GroupSyncWrite(self._port, self._packets, address, 1)
-            for servo in servos:
-                group.addParam(servo.id, [0])
-            group.txPacket()
+        self._write_all('Torque Enable', [0] * len(self._servos))
 
     def disable(self):
         """Torque off for every servo that can be reached; returns whether all confirmed it."""

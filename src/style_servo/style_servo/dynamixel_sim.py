@@ -168,7 +168,7 @@ class PtyBus:
 
     def _hush(self, now):
         for servo in self.bus.servos:
-            if servo.get('ID') in self._silent:
+            if servo.id in self._silent:
                 servo.awake_at = now + 1.0
 
     def _send(self, data):
@@ -203,10 +203,10 @@ class PtyBus:
             self.bus.clear_faults(id)
         elif do == 'silent':
             for servo in servos:
-                self._silent.discard(servo.get('ID'))
+                self._silent.discard(servo.id)
                 servo.awake_at = now
                 if options.get('on', True):
-                    self._silent.add(servo.get('ID'))
+                    self._silent.add(servo.id)
         elif do == 'fail':
             for servo in servos:
                 servo.fail(options['kind'])
@@ -243,10 +243,10 @@ class PtyBus:
         motion = self.bus.motion
         names = {value: name for name, value in vars(Instruction).items() if isinstance(value, int)}
         return {'servos': [{
-            'id': servo.get('ID'), 'model': servo.table.model, 'position': motion.position[i],
+            'id': servo.id, 'model': servo.table.model, 'position': motion.position[i],
             'velocity': motion.velocity[i], 'goal': servo.get('Goal Position'), 'torque': bool(motion.torque[i]),
-            'halted': bool(motion.halted[i]), 'watchdog': servo.get('Bus Watchdog'),
-            'temperature': motion.temperature[i], 'hardware_error': servo.get('Hardware Error Status')}
+            'halted': bool(motion.halted[i]), 'watchdog': servo.watchdog,
+            'temperature': motion.temperature[i], 'hardware_error': servo.errors}
             for i, servo in enumerate(self.bus.servos) if servo in servos],
             'instructions': {names.get(k, hex(k)): n for k, n in self.bus.instructions.items()}}
 

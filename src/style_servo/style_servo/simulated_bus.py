@@ -2,7 +2,6 @@
 import random
 from dataclasses import dataclass
 
-from style_servo.control_table import BAUD_RATES
 from style_servo.packets import BROADCAST, HEADER, STATUS, Error, Instruction, crc16, status
 from style_servo.simulated_motion import Motion
 from style_servo.simulated_servo import SimulatedServo
@@ -72,7 +71,7 @@ class SimulatedBus:
 
     def with_id(self, servo_id):
         """Servos that listen to an ID."""
-        return [servo for servo in self.servos if servo.get('ID') == servo_id]
+        return [servo for servo in self.servos if servo.id == servo_id]
 
     def _spoil(self, servo_id, data):
         """Apply the faults of one reply: (extra delay, bytes or None)."""
@@ -109,31 +108,31 @@ class SimulatedBus:
         """
         self.advance(now)
         listening = [s for s in self.servos
-                     if now >= s.awake_at and baud in (None, BAUD_RATES[s.get('Baud Rate')])]
+                     if now >= s.awake_at and baud in (None, s.baud)]
         if instruction == STATUS:
             return []
         if not crc_ok:
-            return self._together([(servo_id, s, Error.CRC, b'') for s in listening if s.get('ID') == servo_id])
+            return self._together([(servo_id, s, Error.CRC, b'') for s in listening if s.id == servo_id])
         self.instructions[instruction] = self.instructions.get(instruction, 0) + 1
         everyone = servo_id == BROADCAST
         for servo in listening:
-            if everyone or servo.get('ID') == servo_id:
+            if everyone or servo.id == servo_id:
                 servo.heard(now)
         if instruction in (Instruction.SYNC_READ, Instruction.FAST_SYNC_READ, Instruction.BULK_READ,
                            Instruction.FAST_BULK_READ, Instruction.SYNC_WRITE, Instruction.BULK_WRITE):
             if not everyone:
                 return self._together([(servo_id, s, Error.INSTRUCTION, b'') for s in listening
-                                       if s.get('ID') == servo_id])
+                                       if s.id == servo_id])
             return self._group(instruction, parameters, listening, now)
         goals = {}
         answers = []
         for servo in listening:
-            mine = servo.get('ID') == servo_id
-            shadow = 'Secondary(Shadow) ID' in servo.table and servo.get('Secondary(Shadow) ID') == servo_id <= 252
+            mine = servo.id == servo_id
+            shadow = servo.shadow_id == servo_id <= 252
             if not (mine or everyone or shadow):
                 continue
             # taken before the instruction changes them
-            own_id, level, goal = servo.get('ID'), servo.get('Status Return Level'), servo.get('Goal Position')
+            own_id, level, goal = servo.id, servo.level, servo.get('Goal Position')
             answer = self._single(servo, instruction, parameters, now)
             if servo.get('Goal Position') != goal:
                 goals[own_id] = servo.get('Goal Position')
@@ -185,7 +184,7 @@ class SimulatedBus:
     def _group(self, instruction, parameters, listening, now):
         by_id = {}
         for servo in listening:
-            by_id.setdefault(servo.get('ID'), []).append(servo)
+            by_id.setdefault(servo.id, []).append(servo)
         if instruction in (Instruction.SYNC_WRITE, Instruction.BULK_WRITE):
             self._group_write(instruction, parameters, by_id, now)
             return []
@@ -198,7 +197,7 @@ class SimulatedBus:
         fast = instruction in (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ)
         answers = []
         for servo_id, address, length in wanted:
-            servos = [s for s in by_id.get(servo_id, ()) if s.get('Status Return Level') >= 1]
+            servos = [s for s in by_id.get(servo_id, ()) if s.level >= 1]
             if not servos:
                 break       # every servo waits for the one before it in the list
             error, data = servos[0].read(address, length, now)
@@ -232,7 +231,7 @@ class SimulatedBus:
         """Time on the line of a reply, s."""
         if not self.true_timing:
             return 0.0
-        return 2e-6 * servo.get('Return Delay Time') + 10.0 * n_bytes / BAUD_RATES[servo.get('Baud Rate')]
+        return 2e-6 * servo.return_delay + 10.0 * n_bytes / servo.baud
 
     def _in_turn(self, answers):
         """One status packet after the other."""

@@ -3,6 +3,7 @@ import math
 
 from style_servo.control_table import BAUD_RATES, control_table
 from style_servo.packets import Error
+from style_servo.simulated_motion import OVERLOAD_AFTER_S
 
 __all__ = ['SimulatedServo', 'HARDWARE_ERRORS']
 
@@ -31,10 +32,16 @@ _SPECIAL = {
 _READ_ONLY = ('Model Number', 'Model Information', 'Firmware Version', 'Registered Instruction', 'Realtime Tick',
               'Hardware Error Status', 'Moving', 'Moving Status', 'Velocity Trajectory', 'Position Trajectory',
               'Backup Ready', 'Controller State', 'Error Code')
+_LIVE = ('Present Position', 'Present Velocity', 'Position Trajectory', 'Velocity Trajectory', 'Present Load',
+         'Present Current', 'Present PWM', 'Present Temperature', 'Moving', 'Moving Status', 'Realtime Tick')
 _SIGNED = ('Homing Offset', 'Goal PWM', 'Goal Current', 'Goal Velocity', 'Goal Position', 'Max Position Limit',
            'Min Position Limit', 'Bus Watchdog')
 _GOALS = ('Goal PWM', 'Goal Current', 'Goal Velocity', 'Goal Position')
-VELOCITY_MODE, POSITION_MODE, EXTENDED_MODE = 1, 3, 4
+# asked for at every packet: kept as attributes beside the memory
+_CACHED = {'ID': 'id', 'Baud Rate': 'baud', 'Status Return Level': 'level', 'Bus Watchdog': 'watchdog',
+           'Hardware Error Status': 'errors', 'Temperature Limit': 'hottest', 'Homing Offset': 'homing',
+           'Secondary(Shadow) ID': 'shadow_id', 'Return Delay Time': 'return_delay'}
+VELOCITY_MODE, POSITION_MODE = 1, 3
 REBOOT_S = 0.2
 
 
@@ -61,6 +68,7 @@ class SimulatedServo:
         self._memory = bytearray(self._size)
         self._at = {item.address: item for item in table.items.values() if not item.name.startswith('Indirect')}
         self._indirect = self._indirect_map()
+        self._address_cells = {cell + k for cell in self._indirect.values() for k in (0, 1)}
         self._eeprom_end = min(table['Torque Enable'].address, table['Indirect Address 1'].address
                                if table['Indirect Address 1'].address < table['Torque Enable'].address else 10**6)
         self._owner = [None] * self._size
@@ -74,6 +82,11 @@ class SimulatedServo:
             if table.model.startswith(prefix):
                 self._factory.update(values)
         self._factory.update({'Model Number': model_number})
+        self._sign = 1
+        self._plans = {}
+        for attribute in _CACHED.values():
+            setattr(self, attribute, 0)
+        self.hottest, self.level = math.inf, 2
         self._reset(keep=())
         self.set('ID', servo_id)
         if baud not in BAUD_RATES:
@@ -99,10 +112,19 @@ class SimulatedServo:
 
     def set(self, name, value):
         """Set an item by name without any check, if the model has it."""
-        if name in self.table:
-            item = self.table[name]
-            self._memory[item.address:item.address + item.size] = (int(value) & (256 ** item.size - 1)).to_bytes(
+        item = self.table.items.get(name)
+        if item is not None:
+            self._memory[item.address:item.address + item.size] = (int(value) & (1 << 8 * item.size) - 1).to_bytes(
                 item.size, 'little')
+            self._remember(name)
+
+    def _remember(self, name):
+        """Keep the attributes beside the memory up to date."""
+        if name in _CACHED:
+            value = self.get(name)
+            setattr(self, _CACHED[name], BAUD_RATES[value] if name == 'Baud Rate' else value)
+        elif name == 'Drive Mode':
+            self._sign = -1 if self.get(name) & 1 else 1
 
     def _reset(self, keep):
         """Factory reset of everything except the items in ``keep``."""
@@ -120,6 +142,7 @@ class SimulatedServo:
         for cell, address in self._indirect.items():
             self._memory[address:address + 2] = cell.to_bytes(2, 'little')
             self._memory[cell] = 0
+        self._plans.clear()
         for name, limit in (('Goal PWM', 'PWM Limit'), ('Goal Current', 'Current Limit')):
             if name in self.table:
                 self.set(name, self.get(limit))
@@ -156,17 +179,16 @@ class SimulatedServo:
     def watch(self, now):
         """What time alone brings: Bus Watchdog, shutdown by overload or heat."""
         motion, i = self._motion, self._i
-        watchdog = self.get('Bus Watchdog') if 'Bus Watchdog' in self.table else 0
-        if watchdog > 0 and motion.torque[i] and now - self._last_heard > 0.020 * watchdog:
+        if self.watchdog > 0 and motion.torque[i] and now - self._last_heard > 0.020 * self.watchdog:
             self.set('Bus Watchdog', -1)
             self.set('Profile Velocity', 0)
             self.set('Profile Acceleration', 0)
             motion.speed[i] = motion.acceleration[i] = math.inf
             motion.stop_profile(i)
             motion.halted[i] = True
-        if motion.overloaded[i] > 1.0:
+        if motion.overloaded[i] > OVERLOAD_AFTER_S:
             self.fail('overload')
-        if 'Temperature Limit' in self.table and motion.temperature[i] > self.get('Temperature Limit'):
+        if motion.temperature[i] > self.hottest:
             self.fail('overheating')
 
     def fail(self, kind):
@@ -181,34 +203,49 @@ class SimulatedServo:
     @property
     def alert(self):
         """The alert bit of every status packet while a hardware error stands."""
-        return Error.ALERT if 'Hardware Error Status' in self.table and self.get('Hardware Error Status') else 0
-
-    def _sign(self):
-        return -1 if self.get('Drive Mode') & 1 else 1
+        return Error.ALERT if self.errors else 0
 
     def counts(self, radians):
         """Position value shown for a horn angle."""
-        return round(self._sign() * radians / self.table.position_unit) + self.get('Homing Offset')
+        return round(self._sign * radians / self.table.position_unit) + self.homing
 
-    def _refresh(self, now):
+    def _refresh(self, names, now):
+        """Bring what the motion decides up to date, as far as it is asked for."""
         motion, i, table = self._motion, self._i, self.table
-        speed = self._sign() * motion.velocity[i] / table.velocity_unit
-        self.set('Present Position', self.counts(motion.position[i]))
-        self.set('Present Velocity', round(speed))
-        self.set('Position Trajectory', self.counts(motion.profile_position[i]))
-        self.set('Velocity Trajectory', round(self._sign() * motion.profile_velocity[i] / table.velocity_unit))
-        load = self._sign() * motion.load[i]
-        if table.current_unit is None:
-            self.set('Present Load', round(1000 * load))
-        else:
-            self.set('Present Current', round(load * self.get('Current Limit')))
-        self.set('Present PWM', round(load * 885))
-        self.set('Present Temperature', round(motion.temperature[i]))
-        moving = abs(speed) > self.get('Moving Threshold')
-        self.set('Moving', moving)
-        arrived = abs(motion.goal[i] - motion.position[i]) < 10 * table.position_unit
-        self.set('Moving Status', 0x01 * bool(arrived) | 0x02 * (abs(motion.profile_velocity[i]) > 1e-6))
-        self.set('Realtime Tick', int(1000 * (now - self._tick0)) % 32768)
+        speed = self._sign * float(motion.velocity[i]) / table.velocity_unit
+        load = self._sign * float(motion.load[i])
+        values = {
+            'Present Position': lambda: self.counts(motion.position[i]),
+            'Present Velocity': lambda: round(speed),
+            'Position Trajectory': lambda: self.counts(motion.profile_position[i]),
+            'Velocity Trajectory': lambda: round(self._sign * motion.profile_velocity[i] / table.velocity_unit),
+            'Present Load': lambda: round(1000 * load),
+            'Present Current': lambda: round(load * self.get('Current Limit')),
+            'Present PWM': lambda: round(885 * load),
+            'Present Temperature': lambda: round(motion.temperature[i]),
+            'Moving': lambda: abs(speed) > self.get('Moving Threshold'),
+            'Moving Status': lambda: (0x01 * bool(abs(motion.goal[i] - motion.position[i]) < 10 * table.position_unit)
+                                      | 0x02 * bool(abs(motion.profile_velocity[i]) > 1e-6)),
+            'Realtime Tick': lambda: int(1000 * (now - self._tick0)) % 32768}
+        for name in names:
+            self.set(name, values[name]())
+
+    def _plan(self, address, length):
+        """Which live items a read shows, and which runs of memory it copies."""
+        cells = [address + k for k in range(length)]
+        for k, cell in enumerate(cells):
+            where = self._indirect.get(cell)
+            if where is not None:
+                cells[k] = self._memory[where] | self._memory[where + 1] << 8
+        cells = [cell if cell < self._size else self._size - 1 for cell in cells]
+        names = {self._owner[cell].name for cell in cells if self._owner[cell] is not None}
+        runs = []
+        for cell in cells:
+            if runs and runs[-1][1] == cell:
+                runs[-1][1] = cell + 1
+            else:
+                runs.append([cell, cell + 1])
+        return [name for name in _LIVE if name in names], runs
 
     # --- instructions -------------------------------------------------------------------------------------------
 
@@ -216,23 +253,25 @@ class SimulatedServo:
         """``(error, bytes)``: the error is 0 or a protocol error, then the bytes are empty."""
         if length == 0 or address + length > self._size:
             return Error.ACCESS, b''
-        self._refresh(now)
-        memory, indirect = self._memory, self._indirect
-        if address not in indirect:
-            return 0, bytes(memory[address:address + length])
-        data = bytearray(length)
-        for k in range(length):
-            cell = address + k
-            where = indirect.get(cell)
-            if where is not None:
-                cell = memory[where] | memory[where + 1] << 8
-            data[k] = memory[cell] if cell < self._size else 0
-        return 0, bytes(data)
+        plan = self._plans.get((address, length))
+        if plan is None:
+            plan = self._plans[address, length] = self._plan(address, length)
+        names, runs = plan
+        self._refresh(names, now)
+        return 0, b''.join([bytes(self._memory[first:last]) for first, last in runs])
 
     def write(self, address, data):
         """Write; returns 0 or a protocol error. Nothing is written when any item refuses."""
         if not data or address + len(data) > self._size:
             return Error.ACCESS
+        item = self._owner[address]
+        if item is not None and item.address == address and item.size == len(data):     # the usual case
+            error = self._refusal(item, data)
+            if not error:
+                self._memory[address:address + item.size] = data
+                self._remember(item.name)
+                self._apply(item.name)
+            return error
         direct, cells = [], {}
         k = 0
         while k < len(data):
@@ -269,11 +308,14 @@ class SimulatedServo:
         for cell, part in direct:
             self._memory[cell:cell + len(part)] = part
             if self._owner[cell] is not None:
+                self._remember(self._owner[cell].name)
                 self._apply(self._owner[cell].name)
+            else:
+                self._plans.clear()     # an indirect address may have changed
         return 0
 
     def _is_indirect_address(self, cell):
-        return cell in self._indirect.values() or cell - 1 in self._indirect.values()
+        return cell in self._address_cells
 
     def _refusal(self, item, part):
         """Why a value may not be written: 0 or a protocol error."""
@@ -284,7 +326,7 @@ class SimulatedServo:
         if item.address < self._eeprom_end and torque:
             return Error.ACCESS
         value = int.from_bytes(part, 'little', signed=name in _SIGNED)
-        if name in _GOALS and self.get('Bus Watchdog') == -1:
+        if name in _GOALS and self.watchdog == -1:
             return Error.DATA_RANGE
         if name == 'Torque Enable' and value and self.alert and (
                 'Shutdown' not in self.table or self.get('Shutdown') & self.get('Hardware Error Status')):
@@ -323,9 +365,9 @@ class SimulatedServo:
                 self._apply('Goal Position')
             motion.torque[i] = bool(value)
         elif name == 'Goal Position':
-            motion.goal[i] = self._sign() * (value - self.get('Homing Offset')) * table.position_unit
+            motion.goal[i] = self._sign * (value - self.homing) * table.position_unit
         elif name == 'Goal Velocity':
-            motion.goal_velocity[i] = self._sign() * value * table.velocity_unit
+            motion.goal_velocity[i] = self._sign * value * table.velocity_unit
         elif name == 'Profile Velocity':
             motion.speed[i] = value * table.velocity_unit if value else math.inf
         elif name == 'Profile Acceleration':

@@ -40,9 +40,9 @@ def connected(simulate):
 
 
 def run(backend, command, seconds):
-    """Command a posture for a while; returns the last measured positions."""
+    """Command a posture for a while, and until an answer comes; returns the last measured positions."""
     end = time.monotonic() + seconds
-    while time.monotonic() < end:
+    while time.monotonic() < end or not backend.measurement.fresh:
         backend.exchange(command, np.zeros(len(command)))
         time.sleep(PERIOD / 2)
     return backend.measurement.position
