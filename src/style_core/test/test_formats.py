@@ -117,7 +117,7 @@ def test_tables_take_units_gaps_and_any_separator(tmp_path):
 
 
 @pytest.mark.parametrize('text, words', [
-    ('time,a\n', 'empty'), ('a,b\n0,1\n', 'time'), ('time\n0\n', 'time'), ('time,a\n0,1\n0,2\n', 'frame 1'),
+    ('time,a\n', 'empty'), ('a,b\n0,1\n', 'time'), ('time\n0\n', 'time'), ('time,a\n0,1\n\n0,2\n', 'line 4'),
     ('time,a\n0,1,2\n', 'line 2 has 3'), ('time,a\n0,x\n', "line 2: 'x'"), ('time,a,a\n0,1,1\n', 'more than once'),
     ('time,a,\n0,1,1\n', 'no name'), ('time,a\n,1\n', 'finite'), ('time,a\n0,inf\n', 'infinite'),
     ('time,a\n0,1_0\n', '1_0'), ('#\n', 'no header'),

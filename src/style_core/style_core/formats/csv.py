@@ -62,6 +62,11 @@ def read(path):
         except ValueError:
             wrong = next(cell for cell in cells if cell.strip() and not _is_number(cell))
             raise MotionError(f'{path}: line {line_number}: {wrong.strip()[:40]!r} is not a number') from None
+    back = np.flatnonzero(np.diff(values[:, 0]) <= 0)
+    if len(back):
+        before, after = values[back[0]:back[0] + 2, 0]
+        raise MotionError(f'{path}: line {numbered[back[0] + 2][0]}: time does not increase ({before:.9g} s, then '
+                          f'{after:.9g} s)')
     return Motion(names, values[:, 1:] * scale, values[:, 0], units, name=path.stem)
 
 
