@@ -1,8 +1,9 @@
 """Build of style_core: pure Python plus the Cython kernels found in the package."""
 from pathlib import Path
 
-from Cython.Distutils import build_ext
+from Cython.Build import cythonize
 from setuptools import Extension, find_packages, setup
+from setuptools.command.build_ext import build_ext
 
 HERE = Path(__file__).parent
 NAME = 'style_core'
@@ -12,16 +13,23 @@ VERSION = '0.1.0'
 def kernels():
     """One extension a .pyx file; kernels use typed memoryviews only, so no NumPy headers are needed."""
     sources = sorted((HERE / NAME).rglob('*.pyx'))
-    extensions = [
+    return [
         Extension('.'.join(path.relative_to(HERE).with_suffix('').parts), [str(path.relative_to(HERE))],
                   # contraction off: the same bits on machines with and without fused multiply-add
                   extra_compile_args=['-O3', '-ffp-contract=off', '-Wno-unused-function'])
         for path in sources]
-    for extension in extensions:  # read by Cython's build_ext
-        extension.cython_c_in_temp = True
-        extension.cython_directives = {'language_level': 3, 'boundscheck': False, 'wraparound': False,
-                                       'cdivision': True, 'initializedcheck': False}
-    return extensions
+
+
+class BuildKernels(build_ext):
+    """Runs Cython only when something is built (colcon reads what this file prints), and compilers side by side."""
+
+    def finalize_options(self):
+        self.distribution.ext_modules = cythonize(
+            self.distribution.ext_modules, language_level=3, build_dir='build/cython', compiler_directives={
+                'boundscheck': False, 'wraparound': False, 'cdivision': True, 'initializedcheck': False})
+        super().finalize_options()
+        self.parallel = True
+
 
 
 setup(
@@ -33,7 +41,7 @@ setup(
     maintainer_email='style-motion@example.org',
     packages=find_packages(include=[NAME, NAME + '.*']),
     ext_modules=kernels(),
-    cmdclass={'build_ext': build_ext},
+    cmdclass={'build_ext': BuildKernels},
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy>=1.21,<3', 'scipy>=1.8', 'matplotlib>=3.5', 'tqdm>=4.57',
                       'rosbags>=0.11', 'scikit-learn>=1.0', 'pyyaml>=5.4'],
