@@ -31,10 +31,10 @@ TRAINERS = {
 #: module has ``describe(header, arrays)`` instead, which returns a dict to show below the header (numbers, words,
 #: lists; ``--json`` prints it as it is).
 KIND_COMMANDS = {
-    'info': {'effort': 'style_core.cli.info_effort'},
-    'predict': {},
-    'evaluate': {},
+    'info': {'phase-style': 'style_core.cli.info_phase_style', 'effort': 'style_core.cli.info_effort'},
+    'predict': {'phase-style': 'style_core.cli.predict_phase_style'},
+    'evaluate': {'phase-style': 'style_core.cli.evaluate_phase_style'},
     'synthesize': {},
     'analyze': {},
-    'fill': {},
+    'fill': {'phase-style': 'style_core.cli.fill_phase_style'},
 }

@@ -293,7 +293,7 @@ cdef class PaperFilter:
             return np.full((self.count, self.count), np.inf)
         return 0.5 * (np.asarray(self.spread) + np.asarray(self.spread).T)
 
-    def update(self, const double[::1] y, const unsigned char[::1] observed, double dt):
+    def update(self, const double[::1] y, const unsigned char[::1] observed, double dt, bint learn=True):
         """E-step (A.1)-(A.6) with the rows of missing channels left out, then on-line M-step (A.10)-(A.13).
 
         Parameters
@@ -302,6 +302,8 @@ cdef class PaperFilter:
         observed : ndarray of uint8, shape (D,)
         dt : float
             Since the last update, s; 0 for the first.
+        learn : bool
+            Without it the style stays as it is (E-step only).
         """
         cdef int d, i, j, seen = 0, J = self.count, n = self.channels
         cdef double q = self.acceleration, information = 0, score = 0, squares = 0, logs = 0
@@ -342,7 +344,7 @@ cdef class PaperFilter:
             self.innovation = squares / seen if seen else NAN
             self.log_likelihood = -0.5 * (squares + logs - log(gain) + seen * LOG_TWO_PI)
             self._bound()
-            if seen:
+            if seen and learn:
                 self.table.look_up(self.phase, &self.value[0, 0], NULL)
                 if self.learning_rate == 0:
                     eta = 1

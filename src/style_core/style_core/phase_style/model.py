@@ -8,7 +8,7 @@ from style_core import model_file
 from style_core.errors import ModelError
 from style_core.phase_style.gaussian_process import PhaseProcess
 
-__all__ = ['KIND', 'Behaviour', 'Residual', 'save_behaviours', 'load_behaviours']
+__all__ = ['KIND', 'Behaviour', 'Residual', 'save_behaviours', 'load_behaviours', 'restore_behaviours']
 
 KIND = 'phase-style'
 
@@ -150,7 +150,11 @@ def load_behaviours(path):
     ModelError
         If the file is not a readable model of this kind, or its parts do not fit each other.
     """
-    header, arrays = model_file.load_model(path, KIND)
+    return restore_behaviours(*model_file.load_model(path, KIND), path)
+
+
+def restore_behaviours(header, arrays, path):
+    """Behaviours from the contents of a model file; ``path`` is named in errors (see `load_behaviours`)."""
     try:
         behaviours = [_restore(entry, index, header, arrays) for index, entry in enumerate(header['behaviours'])]
         for behaviour in behaviours:

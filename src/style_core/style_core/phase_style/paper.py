@@ -1,14 +1,16 @@
-"""The published method as an on-line predictor (Matsubara et al. 2012, section 3)."""
+"""The published method as an on-line predictor, and its batch EM off line (Matsubara et al. 2012, section 3)."""
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
+from style_core.errors import MotionError
 from style_core.phase_style.kernel import PaperFilter, Table
 from style_core.phase_style.online import GAP_S, InnovationMonitor, ObservationGate
 from style_core.phase_style.table import tabulate
 from style_core.predictor import Estimate, Prediction, Status
 
-__all__ = ['PaperPredictor']
+__all__ = ['PaperPredictor', 'BatchResult', 'batch_em']
 
 #: The search at the start: so many phases, and speeds as multiples of the training mean's spread.
 SEARCH_PHASES = 16
@@ -121,3 +123,105 @@ class PaperPredictor:
         self._filter.predict(horizons, mean, std, velocity)
         start = 0.0 if self._gate.time is None else self._gate.time
         return Prediction(start + horizons, mean, std, velocity)
+
+
+@dataclass(frozen=True, eq=False)
+class BatchResult:
+    """Attributes
+    ----------
+    style : ndarray, shape (J,)
+    phase, phase_velocity : ndarray, shape (T,)
+        Means of the E-step.
+    phase_covariance : ndarray, shape (2, 2)
+        Of the last frame.
+    log_likelihood : list of float
+        Of the E-step of every iteration, nats.
+    style_change : list of float
+        Largest change of a style component in every iteration, as a share of the largest component.
+    converged : bool
+    """
+
+    style: np.ndarray
+    phase: np.ndarray
+    phase_velocity: np.ndarray
+    phase_covariance: np.ndarray
+    log_likelihood: list
+    style_change: list
+    converged: bool
+
+    def predict(self, behaviour, horizons):
+        """Mean poses (H, D) at times after the last frame, section 3.3."""
+        phase = self.phase[-1] + self.phase_velocity[-1] * np.asarray(horizons, dtype=float)
+        if not behaviour.rhythmic:
+            phase = np.clip(phase, 0.0, 1.0)
+        values = np.stack([process.evaluate(phase)[0] for process in behaviour.processes()])
+        return np.tensordot(self.style, values, axes=1)
+
+
+def batch_em(behaviour, times, y, iterations=30, tolerance=1e-3):
+    """Batch EM of section 3.1: E-step by the EKF with the style held, M-step (A.7) over all frames.
+
+    Parameters
+    ----------
+    behaviour : Behaviour
+    times : ndarray, shape (T,)
+    y : ndarray, shape (T, D)
+        Rad; NaN where missing.
+    iterations : int
+    tolerance : float
+        Converged when no style component changes by more than this share of the largest.
+
+    Returns
+    -------
+    BatchResult
+
+    Raises
+    ------
+    MotionError
+        If there are fewer than five frames or nothing was observed.
+    """
+    y, times = np.asarray(y, dtype=float), np.asarray(times, dtype=float)
+    seen = ~np.isnan(y)
+    if len(y) < 5 or not seen.any():
+        raise MotionError(f'{len(y)} frames with {int(seen.sum())} values are too few to adapt to')
+    table = Table(tabulate(behaviour.processes(), behaviour.rhythmic))
+    observed, clean = seen.astype(np.uint8), np.where(seen, y, 0.0)
+    steps = np.diff(times, prepend=times[0])
+    start = _start(behaviour, table, times, y)
+    style = behaviour.styles.mean(axis=0)
+    likelihoods, changes, converged = [], [], False
+    for _ in range(iterations):
+        one = PaperFilter(table, behaviour.noise, behaviour.acceleration, style, 1.0, 1.0)
+        one.start(*start)
+        phases, velocities, total = np.empty(len(y)), np.empty(len(y)), 0.0
+        for frame, dt in enumerate(steps):
+            one.update(clean[frame], observed[frame], dt, False)
+            phases[frame], velocities[frame] = one.phase, one.velocity
+            total += one.log_likelihood
+        basis = np.array([table.evaluate(phase)[0] for phase in phases])
+        weighted = basis * seen[:, None, :]
+        normal = np.einsum('tjd,tkd->jk', weighted, basis)
+        ridge = 1e-12 * np.trace(normal) * np.eye(len(normal))
+        new = np.linalg.solve(normal + ridge, np.einsum('tjd,td->j', weighted, clean) + ridge @ style)
+        likelihoods.append(float(total))
+        changes.append(float(np.max(np.abs(new - style)) / np.max(np.abs(new))))
+        style = new
+        if changes[-1] < tolerance:
+            converged = True
+            break
+    return BatchResult(style, phases, velocities, one.covariance, likelihoods, changes, converged)
+
+
+def _start(behaviour, table, times, y):
+    """Phase, velocity and variances at the first frame: those of the likeliest hypothesis over all frames."""
+    observed, clean = (~np.isnan(y)).astype(np.uint8), np.nan_to_num(y)
+    best = None
+    for one in _filters(behaviour, table, 0.95, 1 / behaviour.rate_hz):
+        first = (one.phase, one.velocity, one.covariance[0, 0], one.covariance[1, 1])
+        total = 0.0
+        for frame, dt in enumerate(np.diff(times, prepend=times[0])):
+            one.update(clean[frame], observed[frame], dt)
+            total += one.log_likelihood
+        if best is None or total > best[0]:
+            best = total, first
+    return best[1]

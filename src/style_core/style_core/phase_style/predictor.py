@@ -67,7 +67,7 @@ class _Glance:
 class _Track:
     """A hypothesis: a filter, how far it has come, and how well it explained what it saw."""
 
-    __slots__ = ('behaviour', 'filter', 'next', 'score', 'weight', 'misfit', 'count', 'time')
+    __slots__ = ('behaviour', 'count', 'filter', 'misfit', 'next', 'score', 'time', 'weight')
 
     def __init__(self, behaviour, one, first):
         self.behaviour, self.filter, self.next, self.time = behaviour, one, first, None
@@ -284,7 +284,7 @@ class FullPredictor:
             if track is leader:
                 continue
             ahead = leader.lead(track)
-            if track.count >= 3 and ahead > GIVE_UP or track.count >= PATIENCE and ahead > 0:
+            if (track.count >= 3 and ahead > GIVE_UP) or (track.count >= PATIENCE and ahead > 0):
                 self._drop(track)
             else:
                 others.append(ahead)

@@ -1,0 +1,48 @@
+"""Fill in the joints that a recording lacks, from the whole recording before and after.
+
+motion-style fill MODEL.npz walk.csv -o whole.csv
+    gaps (empty cells, NaN) are filled in; what was measured stays as it is
+motion-style fill MODEL.npz walk.amc -o whole.csv --mask 'rfemur.*' 'rtibia.*' 'rfoot.*' 'rtoes.*'
+    hide a leg and see how well it comes back (prints the error)
+"""
+import numpy as np
+from tqdm import tqdm
+
+from style_core.cli.phase_style_arguments import add_reading, hide, read
+from style_core.formats import write_motion
+from style_core.motion import Motion
+from style_core.phase_style import load_behaviours
+from style_core.phase_style.smoother import fill
+
+__all__ = ['add_arguments', 'run']
+
+
+def add_arguments(parser, argv):
+    """FILE and output."""
+    parser.add_argument('file', metavar='FILE', help='recording with gaps')
+    parser.add_argument('-o', '--output', required=True, metavar='FILE', help='motion file to write')
+    parser.add_argument('--std', metavar='FILE.csv', help='also write the standard deviations, rad')
+    add_reading(parser)
+
+
+def run(args):
+    """Fill and write."""
+    behaviours = load_behaviours(args.model)
+    names = behaviours[0].joint_names
+    motion = read(args.file, args)
+    masked, hidden = hide(motion, names, args.mask)
+    filled, std, report = fill(behaviours, masked, lambda pieces: tqdm(pieces, desc='smoothing', unit='piece',
+                                                                       disable=None, leave=False))
+    write_motion(filled, args.output)
+    if args.std:
+        write_motion(Motion(names, std, motion.times, name=motion.name), args.std)
+    missing = int(np.isnan(masked.joints(list(names)).positions).sum())
+    print(f'filled {missing} of {masked.n_frames * len(names)} values')
+    for one in report:
+        end = 'converged' if one['converged'] else 'not converged'
+        print(f'{one["from_s"]:.2f} to {one["to_s"]:.2f} s: {one["behaviour"]}, {len(one["log_evidence"])} iterations, '
+              f'{end}, log evidence {one["log_evidence"][-1]:.1f}')
+    if hidden:
+        error = filled.joints(hidden).positions - motion.joints(hidden).positions
+        print(f'error of the hidden joints: {np.degrees(np.sqrt(np.nanmean(error ** 2))):.2f} degrees RMS')
+    print(f'wrote {args.output}')

@@ -1,0 +1,52 @@
+"""What the commands on phase-style models share: reading recordings, masks and the method."""
+import numpy as np
+
+from style_core.angles import continuous
+from style_core.errors import MotionError, UsageError
+from style_core.formats import read_motion
+from style_core.motion import matching_names
+from style_core.phase_style import METHODS, load_behaviours, make_predictor
+
+__all__ = ['add_reading', 'add_method', 'read', 'predictor_of', 'hide']
+
+
+def add_reading(parser):
+    """Rate of formats without one, and joints to hide."""
+    parser.add_argument('--recorded-rate', type=float, metavar='HZ',
+                        help='rate of recordings whose format does not say it (AMC; default: 120)')
+    parser.add_argument('--mask', nargs='+', default=[], metavar='PATTERN',
+                        help="joints to hide from the model, as shell patterns ('lfemur.*'); '!PATTERN' excludes")
+
+
+def add_method(parser):
+    """Method and behaviours left out."""
+    parser.add_argument('--method', choices=METHODS, default=METHODS[0],
+                        help='full: the full filter (default); paper: the published method, first behaviour only')
+
+
+def read(path, args):
+    """Read a recording with continuous angles."""
+    options = {'rate_hz': args.recorded_rate} if args.recorded_rate and str(path).lower().endswith('.amc') else {}
+    return continuous(read_motion(path, **options))
+
+
+def predictor_of(args):
+    """Predictor of the model and method that were asked for."""
+    return make_predictor(load_behaviours(args.model), args.method)
+
+
+def hide(motion, names, patterns):
+    """Copy of a motion with the joints that match set missing, and their names."""
+    if not patterns:
+        return motion, []
+    try:
+        hidden = matching_names(names, patterns)
+    except MotionError as error:
+        raise UsageError(f'--mask: {error}') from None
+    if len(hidden) == len(names):
+        raise UsageError('--mask hides every joint of the model')
+    positions = motion.positions.copy()
+    for name in hidden:
+        if name in motion.joint_names:
+            positions[:, motion.joint_names.index(name)] = np.nan
+    return motion.replace(positions=positions), hidden

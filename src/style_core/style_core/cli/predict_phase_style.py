@@ -1,0 +1,70 @@
+"""Follow a recording and predict how it goes on.
+
+motion-style predict MODEL.npz walk.amc -o next.csv
+    follow the whole recording, then write the second after its last frame
+motion-style predict MODEL.npz walk.amc -o next.csv --at 1.5 --seconds 0.5 --mask 'lfemur.*' 'ltibia.*'
+    follow it to 1.5 s without the left leg, then write the next half second
+motion-style predict MODEL.npz walk.amc -o ahead.csv --ahead 0.2
+    what was predicted 0.2 s before, for every frame: to lay over the recording
+
+The output is a motion file of any format that can hold the model's joints; a table (CSV) with the standard deviation
+of every value is written beside it with --std FILE.csv.
+"""
+import numpy as np
+from tqdm import tqdm
+
+from style_core.cli.phase_style_arguments import add_method, add_reading, hide, predictor_of, read
+from style_core.errors import UsageError
+from style_core.formats import write_motion
+from style_core.motion import Motion
+
+__all__ = ['add_arguments', 'run']
+
+
+def add_arguments(parser, argv):
+    """FILE, output and times."""
+    parser.add_argument('file', metavar='FILE', help='recording to follow')
+    parser.add_argument('-o', '--output', required=True, metavar='FILE', help='motion file to write')
+    parser.add_argument('--at', type=float, metavar='S',
+                        help='time of the recording to predict from (default: its end)')
+    parser.add_argument('--seconds', type=float, default=1.0, metavar='S', help='how far to predict (default: 1)')
+    parser.add_argument('--rate', type=float, default=60.0, metavar='HZ', help='rate of the output (default: 60)')
+    parser.add_argument('--ahead', type=float, metavar='S', help='write instead what was predicted S before each frame')
+    parser.add_argument('--std', metavar='FILE.csv', help='also write the standard deviations, rad')
+    add_reading(parser)
+    add_method(parser)
+
+
+def run(args):
+    """Predict and write."""
+    if args.seconds <= 0 or args.rate <= 0 or (args.ahead is not None and args.ahead < 0):
+        raise UsageError('--seconds and --rate must be positive, --ahead must not be negative')
+    predictor = predictor_of(args)
+    motion = read(args.file, args).joints(list(predictor.joint_names))
+    motion, _ = hide(motion, predictor.joint_names, args.mask)
+    if args.at is not None:
+        if not motion.times[0] <= args.at <= motion.times[-1]:
+            raise UsageError(f'--at {args.at:g} lies outside the recording, '
+                             f'{motion.times[0]:g} to {motion.times[-1]:g} s')
+        motion = motion.slice(None, args.at + 1e-6)
+    every = []
+    for time, y in tqdm(list(zip(motion.times, motion.positions)), desc='following', unit='frame', disable=None,
+                        leave=False):
+        estimate = predictor.update(time, y)
+        if args.ahead is not None:
+            every.append(predictor.predict(np.array([args.ahead])))
+    if args.ahead is not None:
+        times, mean, std = (np.concatenate([getattr(one, name) for one in every]) for name in ('times', 'mean', 'std'))
+    else:
+        horizons = np.arange(1, max(round(args.seconds * args.rate), 1) + 1) / args.rate
+        prediction = predictor.predict(horizons)
+        times, mean, std = prediction.times, prediction.mean, prediction.std
+    write_motion(Motion(predictor.joint_names, mean, times, name=motion.name), args.output)
+    if args.std:
+        write_motion(Motion(predictor.joint_names, std, times, name=motion.name), args.std)
+    behaviour = max(estimate.behaviours, key=estimate.behaviours.get)
+    print(f'{motion.name}: {behaviour}, phase {estimate.phase:.2f}, phase velocity {estimate.phase_velocity:.2f} /s, '
+          f'{estimate.status.name}; standard deviation {np.degrees(std[0]).mean():.1f} deg at '
+          f'{times[0] - motion.times[-1]:.3f} s, {np.degrees(std[-1]).mean():.1f} deg at '
+          f'{times[-1] - motion.times[-1]:.3f} s')
+    print(f'wrote {args.output}')
