@@ -18,6 +18,7 @@ __all__ = ['Bridge', 'BridgeSettings', 'Points']
 log = logging.getLogger(__name__)
 
 MAX_PENDING = 16        # trajectories that start in the future
+CATCH_UP_S = 0.05       # of missed periods that a late tick makes up for
 REJECT_RUN = 3          # ticks in a row with rejected targets that end a trajectory
 LOOKS = 5               # tries to read the posture when arming
 POSTURE_TOLERANCE = 0.05        # rad that a posture may lie outside the limits when arming
@@ -117,6 +118,8 @@ class Bridge:
         Of the last command: PASS, CLAMP or REJECT.
     target : ndarray, shape (D,)
         What the last command aimed at before limiting, rad.
+    trace : callable, optional
+        Called for every period's command with time, state, target, command and measured position.
     counts : dict
         Trajectories accepted and rejected (by reason), joint commands clamped and rejected, following errors.
     """
@@ -141,6 +144,8 @@ class Bridge:
         self.counts = {'accepted': 0, 'rejected': 0, 'clamped': 0, 'limiter rejections': 0}
         self.rejections = {}
         self.estop_held = False
+        self.trace = None
+        self._ticked = 0.0
         self._pending = deque()
         self._accepted_at = -math.inf
         self._since = self._ramp_end = 0.0
@@ -171,7 +176,7 @@ class Bridge:
             raise UsageError('the emergency stop is still pressed')
         if not self.machine.allows(Event.ARM):
             raise UsageError(f'cannot arm while {self.state.name}')
-        self._take_posture()
+        self._take_posture(now)
         self.machine.happen(Event.ARM)
         self._enter(now, '')
 
@@ -191,7 +196,7 @@ class Bridge:
             self._drive(clock())
             sleep(period)
 
-    def _take_posture(self):
+    def _take_posture(self, now):
         """Check the posture, torque on, and start everything from it."""
         for _ in range(LOOKS):
             self.backend.observe()
@@ -210,6 +215,7 @@ class Bridge:
         self._torque, self._lost, self._backend_fault = True, False, False
         self._limiter.reset(posture)
         self._playback.hold(posture)
+        self._ticked = now
         self.target[:] = posture
         self._pending.clear()
         self._following_since = None
@@ -248,7 +254,7 @@ class Bridge:
             if self._backend_fault:
                 self._torque = False
                 self.backend.connect()      # start from a checked bus
-            self._take_posture()
+            self._take_posture(now)
         except (BackendFault, UsageError) as error:
             self.reason = f'reset failed: {error}'
             raise
@@ -382,9 +388,34 @@ class Bridge:
     # --- the tick -----------------------------------------------------------------------------------------------
 
     def tick(self, now):
-        """One cycle: choose the reference, limit it, send it, read back, check. Call it ``rate`` times a second."""
+        """One cycle: choose the reference, limit it, send it, read back, check. Call it ``rate`` times a second.
+
+        The limits hold in steps of one period. A call that comes late makes up for the periods missed (up to
+        CATCH_UP_S of them, each limited by itself) and sends the last; one that comes within half a period of the
+        call before is left out.
+
+        Returns
+        -------
+        periods : int
+            Made up for; 0 if left out.
+        """
         if not self.state.armed:
-            return
+            return 0
+        period = 1.0 / self.settings.rate
+        periods = round((now - self._ticked) / period)
+        if periods < 1:
+            return 0
+        most = max(1, round(CATCH_UP_S / period))
+        # what is left of rounding counts for the next call, so that the mean rate is right
+        self._ticked = self._ticked + periods * period if periods <= most else now
+        periods = min(periods, most)
+        for k in range(periods - 1, -1, -1):
+            self._step(now - k * period)
+        self._drive(now)
+        return periods
+
+    def _step(self, now):
+        """Limit one period's command."""
         self._advance(now)
         if self.state in (State.RAMPING, State.STREAMING):
             position, velocity = self._playback.sample(now)
@@ -394,7 +425,8 @@ class Bridge:
         else:
             self._limiter.brake()
             self.target[:] = self.command
-        self._drive(now)
+        if self.trace is not None:
+            self.trace(now, self.state, self.target, self.command, self.backend.measurement.position)
 
     def _advance(self, now):
         """Everything that time alone brings about."""

@@ -12,24 +12,21 @@ class CycleTimes:
 
     def __init__(self, period):
         self.period = period
-        self.cycles = self.missed = self.skipped = 0
+        self.cycles = self.missed = self.skipped = self.late = 0
         self.last = 0.0
         self._previous = None
         self._durations, self._errors = [], []
 
-    def due(self, now):
-        """Whether a cycle may run: not within half a period of the one before (a late one is not made up for)."""
-        if self._previous is not None and now - self._previous < 0.5 * self.period:
+    def done(self, now, periods, duration):
+        """Count a cycle: its beginning (s), the periods it made up for (0: left out), and what it took (s)."""
+        if not periods:
             self.skipped += 1
-            return False
+            return
         if self._previous is not None:
             self._errors.append(now - self._previous - self.period)
         self._previous = now
-        return True
-
-    def done(self, duration):
-        """Count a finished cycle."""
         self.cycles += 1
+        self.late += periods - 1
         self.last = duration
         self._durations.append(duration)
         if duration > self.period:
@@ -61,7 +58,8 @@ def health_of_bridge(bridge, times, flood, now):
     measurement, backend = bridge.backend.measurement, bridge.backend
     facts = {'state': bridge.state.name, 'reason': bridge.reason or 'none', **times.report(),
              'input age (s)': f'{bridge.input_age(now):.3f}', 'cycles': str(times.cycles),
-             'missed deadlines': str(times.missed), 'cycles skipped': str(times.skipped),
+             'missed deadlines': str(times.missed), 'periods made up for': str(times.late),
+             'cycles left out': str(times.skipped),
              'trajectories accepted': str(bridge.counts['accepted']),
              'trajectories rejected': str(bridge.counts['rejected']),
              'messages dropped in floods': str(flood),

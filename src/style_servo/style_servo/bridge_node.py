@@ -73,6 +73,8 @@ class BridgeNode(SoundLifecycleNode):
         self._make_interfaces(chain)
         self._bridge = bridge
         self._recorder = Recorder(values['record'], chain, period) if values['record'] else None
+        if self._recorder is not None:
+            bridge.trace = self._recorder.write
         self._times = CycleTimes(period)
         self._taken = self._flood = 0
         self._told = None
@@ -251,12 +253,12 @@ class BridgeNode(SoundLifecycleNode):
 
     def _cycle(self):
         now = time.monotonic()
-        if not self._active or not self._times.due(now):
+        if not self._active:
             return
         self._taken = 0
         bridge = self._bridge
-        bridge.tick(now)
-        self._times.done(time.monotonic() - now)
+        periods = bridge.tick(now)
+        self._times.done(now, periods, time.monotonic() - now)
         header = Header(stamp=self.get_clock().now().to_msg())
         measurement = bridge.backend.measurement
         self._commanded.publish(JointState(header=header, name=self._names, position=_floats(bridge.command),
@@ -265,8 +267,6 @@ class BridgeNode(SoundLifecycleNode):
             self._joint_states.publish(JointState(
                 header=header, name=self._names, position=_floats(measurement.position),
                 velocity=_floats(measurement.velocity), effort=_floats(measurement.effort)))
-        if self._recorder is not None:
-            self._recorder.write(now, bridge.state, bridge.target, bridge.command, measurement.position)
         if bridge.state is not self._told or now >= self._state_due:
             self._publish_state()
 
@@ -279,6 +279,8 @@ class BridgeNode(SoundLifecycleNode):
             else:
                 self.get_logger().info(bridge.state.name)
         self._told, self._state_due = bridge.state, now + STATE_EVERY_S
+        if self._recorder is not None:
+            self._recorder.flush()
         statistics = bridge.backend.statistics
         message = BridgeState(
             state=int(bridge.state), reason=bridge.reason, estop_held=bridge.estop_held,

@@ -290,12 +290,12 @@ class DynamixelBackend:
         first = table['Indirect Address 1'].address
         cells = [address for name, size in _FAST
                  for address in range(self._item(servo, name).address, self._item(servo, name).address + size)]
-        for k, address in enumerate(cells):
-            self._check(servo, self._packets.write2ByteTxRx(self._port, servo.id, first + 2 * k, address),
-                        f'Indirect Address {k + 1}')
-        data, *result = self._packets.readTxRx(self._port, servo.id, first, 2 * len(cells))
-        self._check(servo, result, 'Indirect Addresses')
-        if list(struct.unpack(f'<{len(cells)}H', bytes(data))) != cells:
+        data = struct.pack(f'<{len(cells)}H', *cells)
+        self._insist(servo, 'Indirect Addresses',
+                     lambda: self._packets.writeTxRx(self._port, servo.id, first, len(data), list(data)))
+        found, *_ = self._insist(servo, 'Indirect Addresses',
+                                 lambda: self._packets.readTxRx(self._port, servo.id, first, len(data)))
+        if bytes(found) != data:
             raise BackendFault(f'{servo}: the indirect addresses did not take')
 
     def _item(self, servo, name):
@@ -323,31 +323,31 @@ class DynamixelBackend:
 
     # --- single items -------------------------------------------------------------------------------------------
 
-    def _check(self, servo, result, what):
-        """Raise for what one SDK call returned: (communication result, servo's error)."""
-        result, error = result[-2:]
+    def _insist(self, servo, what, call):
+        """Call the SDK until it succeeds, a few times; returns what it returned, and raises for a refusal."""
+        for _ in range(TRIES):
+            answer = call()
+            if answer[-2] == COMM_SUCCESS:
+                break
+        result, error = answer[-2:]
         if result != COMM_SUCCESS:
             raise BackendFault(f'{servo}: {what}: {self._packets.getTxRxResult(result)}')
         if error & ~ALERT:
             raise BackendFault(f'{servo} refuses {what}: {self._packets.getRxPacketError(error & ~ALERT)}')
+        return answer
 
     def _read(self, servo, name):
         item = servo.table[name]
-        for _ in range(TRIES):
-            data, result, error = self._packets.readTxRx(self._port, servo.id, item.address, item.size)
-            if result == COMM_SUCCESS and not error & ~ALERT and len(data) == item.size:
-                return int.from_bytes(bytes(data), 'little')
-        self._check(servo, (result, error), name)
-        raise BackendFault(f'{servo}: {name}: the answer has the wrong length')
+        data, *_ = self._insist(servo, name, lambda: self._packets.readTxRx(self._port, servo.id, item.address,
+                                                                           item.size))
+        if len(data) != item.size:
+            raise BackendFault(f'{servo}: {name}: the answer has the wrong length')
+        return int.from_bytes(bytes(data), 'little')
 
     def _write(self, servo, name, value):
         item = servo.table[name]
         data = list((value & (1 << 8 * item.size) - 1).to_bytes(item.size, 'little'))
-        for _ in range(TRIES):
-            result, error = self._packets.writeTxRx(self._port, servo.id, item.address, item.size, data)
-            if result == COMM_SUCCESS:
-                break
-        self._check(servo, (result, error), name)
+        self._insist(servo, name, lambda: self._packets.writeTxRx(self._port, servo.id, item.address, item.size, data))
 
     def _write_all(self, name, values):
         """One item of every servo in one packet (one a group of equal addresses), without answers."""

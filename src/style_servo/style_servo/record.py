@@ -8,7 +8,10 @@ import numpy as np
 
 from style_core.errors import MotionError
 
-__all__ = ['Recorder', 'Record', 'read_record']
+__all__ = ['Recorder', 'Record', 'read_record', 'violations']
+
+# states (style_servo.states.State) after which the bridge starts anew from the measured posture
+_RESTARTS = (0, 4, 5, 6, 7)
 
 
 class Record(NamedTuple):
@@ -40,7 +43,7 @@ class Recorder:
     """Write a flight record: a line of JSON, then rows of float64."""
 
     def __init__(self, path, chain, period):
-        self._file = Path(path).open('wb', buffering=1 << 20)     # noqa: SIM115  (open as long as the bridge)
+        self._file = Path(path).open('wb', buffering=1 << 16)     # noqa: SIM115  (open as long as the bridge)
         limits = {field: chain.array(field).tolist() for field in ('lower', 'upper', 'velocity', 'acceleration')}
         self._file.write(json.dumps({'joint_names': chain.names, 'period': period, **limits}).encode() + b'\n')
         self._head = struct.Struct('<dd')
@@ -48,6 +51,10 @@ class Recorder:
     def write(self, time, state, target, command, measured):
         """Append one cycle."""
         self._file.write(self._head.pack(time, state) + target.tobytes() + command.tobytes() + measured.tobytes())
+
+    def flush(self):
+        """Hand over what was written so far; a program that is killed loses the rest."""
+        self._file.flush()
 
     def close(self):
         """Finish the file."""
@@ -74,3 +81,33 @@ def read_record(path):
     table = np.frombuffer(rows[:len(rows) // width * width], np.float64).reshape(-1, 2 + 3 * n)
     return Record(names, table[:, 0], table[:, 1].astype(int), table[:, 2:2 + n], table[:, 2 + n:2 + 2 * n],
                   table[:, 2 + 2 * n:], {key: np.array(value) for key, value in head.items()})
+
+
+def violations(record):
+    """Commands outside the limits, counted without any tolerance.
+
+    Parameters
+    ----------
+    record : Record
+
+    Returns
+    -------
+    counts : dict of str to int
+        'position', 'velocity' and 'acceleration': joint commands beyond that limit; 'not finite'; and 'commands': how
+        many joint commands were looked at.
+    """
+    command, limits = record.command, record.limits
+    period = limits['period']
+    counts = {'commands': command.size, 'not finite': int(np.count_nonzero(~np.isfinite(command)))}
+    counts['position'] = int(np.count_nonzero((command < limits['lower']) | (command > limits['upper'])))
+    # commands lie on a lattice of doubles: these differences are exact
+    step = np.diff(command, axis=0)
+    change = np.diff(step, axis=0)
+    # a reset starts at the measured posture: READY after a state that only a reset leaves
+    fresh = np.isin(record.state[:-1], _RESTARTS) & (record.state[1:] == 1)
+    step_of_one_life = ~fresh
+    change_of_one_life = ~(fresh[1:] | fresh[:-1])
+    counts['velocity'] = int(np.count_nonzero(np.abs(step[step_of_one_life]) > limits['velocity'] * period))
+    counts['acceleration'] = int(np.count_nonzero(
+        np.abs(change[change_of_one_life]) > limits['acceleration'] * period * period))
+    return counts

@@ -131,6 +131,32 @@ def test_streaming_ramps_in_and_then_follows_exactly():
     assert ramp.max() < 0.3 * 3.0 + 1.2 + 0.01
 
 
+def test_late_ticks_make_up_for_missed_periods_within_the_limits():
+    """A busy machine: the commands still come from steps of one period each, and the motion keeps its time."""
+    rig = Rig()
+    rows = []
+    rig.bridge.trace = lambda now, state, target, command, measured: rows.append(command.copy())
+    rng = np.random.default_rng(0)
+    sent = 0
+    while rig.now < 104.0:
+        rig.wave()
+        gap = float(rng.choice([0.002, 0.005, 0.012, 0.03]))
+        rig.now += gap
+        sent += rig.bridge.tick(rig.now) > 0
+    assert rig.bridge.state is State.STREAMING and sent < 0.6 * len(rows)
+    assert abs(len(rows) - 4.0 * RATE) <= 2
+    np.testing.assert_allclose(rig.bridge.command, 0.4 * np.sin(3 * (rig.now - 100) + np.array([0, 1])), atol=1e-3)
+    steps = np.diff(rows, axis=0)
+    assert np.all(np.abs(steps) <= 3.0 / RATE) and np.all(np.abs(np.diff(steps, axis=0)) <= 20.0 / RATE / RATE)
+
+
+def test_a_long_pause_is_not_made_up_for():
+    rig = Rig().stream(2.0)
+    rig.now += 3.0
+    assert rig.bridge.tick(rig.now) == 10
+    assert np.max(np.abs(rig.bridge.command - rig.path[-1])) <= 10 * 3.0 / RATE
+
+
 def test_a_single_goal_is_approached_and_kept():
     rig = Rig()
     rig.send([1.5], [[0.8, 0.5]])
