@@ -24,6 +24,8 @@ TRAINERS = {
                     'style_core.cli.train_phase_style'),
     'effort': ('fragments labelled by effort, and how efforts mix when fragments are blended',
                'style_core.cli.train_effort'),
+    'style-machine': ('stylistic hidden Markov model of unlabelled recordings, for synthesis in any style',
+                      'style_core.cli.train_style_machine'),
 }
 
 #: Commands that work on a model file: command -> {kind: module path}. A command without a kind is not offered.
@@ -31,10 +33,11 @@ TRAINERS = {
 #: module has ``describe(header, arrays)`` instead, which returns a dict to show below the header (numbers, words,
 #: lists; ``--json`` prints it as it is).
 KIND_COMMANDS = {
-    'info': {'phase-style': 'style_core.cli.info_phase_style', 'effort': 'style_core.cli.info_effort'},
+    'info': {'phase-style': 'style_core.cli.info_phase_style', 'effort': 'style_core.cli.info_effort',
+             'style-machine': 'style_core.cli.info_style_machine'},
     'predict': {'phase-style': 'style_core.cli.predict_phase_style'},
     'evaluate': {'phase-style': 'style_core.cli.evaluate_phase_style'},
-    'synthesize': {},
-    'analyze': {},
+    'synthesize': {'style-machine': 'style_core.cli.synthesize_style_machine'},
+    'analyze': {'style-machine': 'style_core.cli.analyze_style_machine'},
     'fill': {'phase-style': 'style_core.cli.fill_phase_style'},
 }

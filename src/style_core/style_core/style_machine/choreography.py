@@ -13,6 +13,8 @@ from style_core.errors import UsageError
 __all__ = ['Primitive', 'primitives', 'runs', 'visits_to_path', 'scale_dwell', 'sequence', 'random_walk', 'bridge',
            'graph_arcs', 'graph_dot']
 
+#: of the longest cycles in pictures of the state graph
+CYCLE_COLOURS = ('#4477aa', '#ee6677', '#228833', '#ccbb44', '#66ccee', '#aa3377')
 _LIKELY_ARC = 0.02  # transitions less probable than this are left out of the graph
 
 
@@ -92,7 +94,7 @@ def primitives(machine, least=2):
     ----------
     machine : StyleMachine
     least : int
-        A cycle must have been performed this often.
+        A cycle must have been closed this often.
 
     Returns
     -------
@@ -113,8 +115,9 @@ def primitives(machine, least=2):
         for a, b in itertools.pairwise(states):
             followers.setdefault(a, Counter())[b] += 1
             leaders.setdefault(b, Counter())[a] += 1
-    cycles = sorted(((states, count) for states, count in found.items() if count >= least),
-                    key=lambda item: (-item[1] * len(item[0]), item[0]))
+    # a cycle performed once and entered again closes at each of its states in turn
+    cycles = sorted(((states, max(round(count / len(states)), 1)) for states, count in found.items()
+                     if count >= least), key=lambda item: (-item[1] * len(item[0]), item[0]))
     pieces = [Primitive(f'c{k + 1}', states, count, True) for k, (states, count) in enumerate(cycles)]
 
     def continues(a):
@@ -285,12 +288,11 @@ def graph_arcs(machine, least=_LIKELY_ARC):
 
 def graph_dot(machine, least=_LIKELY_ARC):
     """The state graph in the DOT language; states of the longest cycles are coloured and labelled."""
-    colours = ['#4477aa', '#ee6677', '#228833', '#ccbb44', '#66ccee', '#aa3377']
-    cycles = [piece for piece in primitives(machine) if piece.cyclic][:len(colours)]
+    cycles = [piece for piece in primitives(machine) if piece.cyclic][:len(CYCLE_COLOURS)]
     lines = ['digraph states {', '  rankdir=LR; node [shape=circle, fontsize=10, style=filled, fillcolor=white];']
     for state in range(machine.n_states):
         member = next((k for k, piece in enumerate(cycles) if state in piece.states), None)
-        colour = f', fillcolor="{colours[member]}", tooltip="{cycles[member].name}"' if member is not None else ''
+        colour = f', fillcolor="{CYCLE_COLOURS[member]}", tooltip="{cycles[member].name}"' if member is not None else ''
         lines.append(f'  s{state} [label="{state}"{colour}];')
     lines += [f'  s{a} -> s{b} [penwidth={0.5 + 2.5 * p:.2f}, label="{p:.2f}"];' for a, b, p in
               graph_arcs(machine, least)]
