@@ -43,7 +43,6 @@ def style_map(machine, found=(), title='Style map'):
     axis.set_title(title, loc='left', fontsize=11)
     bars.bar(np.arange(1, len(share) + 1), np.cumsum(share), color='#bbccee')
     bars.bar(np.arange(1, len(share) + 1), share, color='#0072b2')
-    bars.axhline(93, color='#d55e00', lw=0.8)
     bars.axvline(machine.dof + 0.5, color='#555555', ls=':', lw=1)
     bars.set_ylim(0, 100)
     bars.set_xlabel('degree of freedom')
