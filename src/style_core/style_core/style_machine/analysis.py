@@ -7,7 +7,6 @@ import numpy as np
 from style_core.errors import ModelError
 from style_core.hmm import log_density, moments, occupancy, viterbi
 from style_core.style_machine import emission as em
-from style_core.style_machine.entropic import specific_map
 
 __all__ = ['Analysis', 'analyze', 'joint_gaussians', 'nearest_style', 'style_spacing']
 
@@ -137,8 +136,8 @@ def analyze(machine, motion):
     for _ in range(_ITERATIONS):
         density = 0.5 * (common + log_density(data, means, covs))
         found = occupancy(density, machine.start, machine.trans)
-        means, covs = specific_map(moments(data, found.gamma, means, covs), common_means, common_covs,
-                                   machine.strength, 0.0)
+        means, covs = em.drawn_gaussians(moments(data, found.gamma, means, covs), common_means, common_covs,
+                                         machine.strength)
     density = 0.5 * (common + log_density(data, means, covs))
     found = occupancy(density, machine.start, machine.trans)
     path, _ = viterbi(density, machine.start, machine.trans)

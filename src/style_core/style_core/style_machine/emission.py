@@ -4,12 +4,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from style_core.hmm import Moments, moments
-from style_core.style_machine.entropic import specific_map
 
-__all__ = ['Emission', 'Layout', 'Statistics', 'add_statistics', 'interpolate', 'layout_for', 'remap_generic',
-           'remap_specific', 'velocity_moments']
+__all__ = ['Emission', 'Layout', 'Statistics', 'add_statistics', 'drawn_gaussians', 'interpolate', 'layout_for',
+           'remap_generic', 'remap_specific', 'velocity_moments']
 
-_REFERENCE_FRAMES = 10.0   # weight of the average within-state covariance, frames: few frames make no covariance
+_REFERENCE_FRAMES = 15.0   # weight of what a covariance is drawn towards, frames: few frames make no covariance
 _REFERENCE_VISITS = 1.0
 
 
@@ -77,14 +76,14 @@ def velocity_moments(coordinates, gamma, counts, leading):
     Parameters
     ----------
     coordinates : ndarray, shape (T, D)
-        Mean pose removed; a frame with NaN, and the one after it, has no velocity and is left out.
+        Mean pose removed. The first frame, one with NaN and the one after it have no velocity and are left out.
     gamma : ndarray, shape (T, N)
     counts : ndarray, shape (N, N)
         Expected transitions.
     leading : int
     """
     n, d = gamma.shape[1], coordinates.shape[1]
-    change = np.diff(coordinates, axis=0, prepend=coordinates[:1])
+    change = np.diff(coordinates, axis=0, prepend=np.full((1, d), np.nan))
     whole = ~np.isnan(coordinates + change).any(axis=1)
     x, dx, g = coordinates[whole], change[whole], gamma[whole]
     lead = moments(np.concatenate([x[:, :leading], dx[:, :leading]], axis=1), g)
@@ -108,49 +107,76 @@ def add_statistics(parts):
     return total
 
 
-def remap_generic(statistics, pose, noise):
-    """Generic emission from all sequences' statistics (eqs. 9, 10), covariances drawn towards their average.
+def remap_generic(parts, pose, strength, noise):
+    """Generic emission (eqs. 9, 10) from the statistics of all styles.
+
+    Means are those of all frames. Covariances are taken around each style's own means: what styles differ in is said
+    by v, and counting it once more as spread would leave the generic model slack. They are drawn towards their average
+    over the states, because a few frames make no covariance.
 
     Parameters
     ----------
-    statistics : Statistics
+    parts : list of Statistics
+        Of each style.
     pose : ndarray, shape (D,)
+    strength : float
+        Z' of the styles' means, frames.
     noise : (float, float)
         Variances of the resolution of leading positions and velocities.
     """
-    n = len(statistics.occupancy)
-    lead_means, lead_covs = _reference_map(statistics.lead, np.repeat(noise, statistics.lead.total.shape[1] // 2))
-    m = len(statistics.tail.weight) // n
+    total = add_statistics(parts)
+    n = len(total.occupancy)
+    lead_means, lead_covs = _within(total.lead, [part.lead for part in parts], strength,
+                                    np.repeat(noise, total.lead.total.shape[1] // 2))
+    m = len(total.tail.weight) // n
     tail_means, tails = np.zeros((n, m, 2)), np.zeros((n, m, 2, 2))
     for k in range(m):  # every trailing coordinate has an average of its own
-        part = statistics.tail.keep(np.arange(k, n * m, m))
-        tail_means[:, k], tails[:, k] = _reference_map(part, np.asarray(noise) * 1e-2)
+        own = np.arange(k, n * m, m)
+        tail_means[:, k], tails[:, k] = _within(total.tail.keep(own), [part.tail.keep(own) for part in parts], strength,
+                                                np.asarray(noise) * 1e-2)
     q = lead_means.shape[1] // 2
-    dwell = (statistics.occupancy + 1e-9) / np.maximum(statistics.visits, 1e-9)
+    dwell = (total.occupancy + 1e-9) / np.maximum(total.visits, 1e-9)
     return Emission(pose, np.concatenate([lead_means[:, :q], tail_means[..., 0]], axis=1),
                     np.concatenate([lead_means[:, q:], tail_means[..., 1]], axis=1), lead_covs, tails,
                     np.maximum(dwell, 1.0))
 
 
-def _reference_map(stats, noise):
-    weight = np.maximum(stats.weight, 1e-12)
-    means = stats.total / weight[:, None]
-    scatter = stats.scatter(means)
-    average = scatter.sum(axis=0) / weight.sum() + np.diag(noise)
-    covs = (scatter + _REFERENCE_FRAMES * average) / (weight + _REFERENCE_FRAMES)[:, None, None]
+def _within(total, parts, strength, noise):
+    means = total.total / np.maximum(total.weight, 1e-12)[:, None]
+    scatter = sum(part.scatter((part.total + strength * means) / (part.weight + strength)[:, None]) for part in parts)
+    average = scatter.sum(axis=0) / max(total.weight.sum(), 1e-12) + np.diag(noise)
+    covs = (scatter + _REFERENCE_FRAMES * average) / (total.weight + _REFERENCE_FRAMES)[:, None, None]
     return means, 0.5 * (covs + covs.transpose(0, 2, 1))
 
 
+def drawn_gaussians(stats, means, covs, strength):
+    """Gaussians of one style: means drawn towards the generic ones with Z' (eq. 16), covariances (eq. 17) at least
+    as firmly as `_REFERENCE_FRAMES`.
+
+    Parameters
+    ----------
+    stats : Moments
+    means, covs : ndarray, shapes (N, d), (N, d, d)
+        Generic.
+    strength : float
+        Z', frames.
+    """
+    own = (stats.total + strength * means) / (stats.weight + strength)[:, None]
+    pull = max(strength, _REFERENCE_FRAMES)
+    result = (stats.scatter(own) + pull * covs) / (stats.weight + pull)[:, None, None]
+    return own, 0.5 * (result + result.transpose(0, 2, 1))
+
+
 def remap_specific(statistics, pose, generic, strength):
-    """Emission of one style under the cross-entropy prior towards the generic one (eqs. 16, 17)."""
+    """Emission of one style, drawn towards the generic one."""
     n, d = generic.positions.shape
     q = generic.leading
-    lead_means, lead_covs = specific_map(
+    lead_means, lead_covs = drawn_gaussians(
         statistics.lead, np.concatenate([generic.positions[:, :q], generic.velocities[:, :q]], axis=1), generic.covs,
-        strength, 0.0)
+        strength)
     tail_reference = np.stack([generic.positions[:, q:], generic.velocities[:, q:]], axis=-1)
-    tail_means, tails = specific_map(statistics.tail, tail_reference.reshape(-1, 2), generic.tails.reshape(-1, 2, 2),
-                                     strength, 0.0)
+    tail_means, tails = drawn_gaussians(statistics.tail, tail_reference.reshape(-1, 2), generic.tails.reshape(-1, 2, 2),
+                                        strength)
     tail_means = tail_means.reshape(n, d - q, 2)
     dwell = ((statistics.occupancy + _REFERENCE_VISITS * generic.dwell)
              / (statistics.visits + _REFERENCE_VISITS))

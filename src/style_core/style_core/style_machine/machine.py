@@ -15,6 +15,7 @@ from style_core.style_machine.training import Settings, train
 __all__ = ['KIND', 'StyleMachine', 'learn', 'load', 'save']
 
 KIND = 'style-machine'
+_LEAST_STRENGTH = 2.0  # of a style's means, frames: one odd frame must not make a style's state
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,15 +212,12 @@ def remap(trained, data, poses, index, coordinates, settings):
     noise_pair = (noise, max(settings.resolution ** 2 * speed, 1e-4 * noise))
     parts = [em.velocity_moments(x, gamma, counts, q)
              for x, gamma, counts in zip(data, trained.gammas, trained.counts)]
-    generic_pose = np.mean([np.mean([pose for pose, i in zip(poses, index) if i == s], axis=0)
-                            for s in range(n_styles)], axis=0)
-    generic = em.remap_generic(em.add_statistics(parts), generic_pose, noise_pair)
-    strength = settings.cross_entropy * sum(map(len, data)) / settings.states / n_styles
-    specifics = []
-    for s in range(n_styles):
-        own = [k for k, i in enumerate(index) if i == s]
-        pose = np.mean([poses[k] for k in own], axis=0)
-        specifics.append(em.remap_specific(em.add_statistics([parts[k] for k in own]), pose, generic, strength))
+    strength = max(settings.cross_entropy * sum(map(len, data)) / settings.states / n_styles, _LEAST_STRENGTH)
+    by_style = [[k for k, i in enumerate(index) if i == s] for s in range(n_styles)]
+    style_poses = [np.mean([poses[k] for k in own], axis=0) for own in by_style]
+    sums = [em.add_statistics([parts[k] for k in own]) for own in by_style]
+    generic = em.remap_generic(sums, np.mean(style_poses, axis=0), strength, noise_pair)
+    specifics = [em.remap_specific(one, pose, generic, strength) for one, pose in zip(sums, style_poses)]
     return generic, specifics, strength
 
 

@@ -26,7 +26,6 @@ from style_core.style_machine import entropic
 __all__ = ['Settings', 'Family', 'Trained', 'train', 'initial_family']
 
 _CHECKPOINT_EVERY_S = 5.0
-_HINT_DIMENSIONS = 3
 
 
 @dataclass(frozen=True)
@@ -51,6 +50,8 @@ class Settings:
         Standard deviation that counts as noise, relative to the root mean square of the training coordinates.
     init : {'hint', 'frames', 'random'}
         A low-dimensional HMM on all sequences, every n-th frame, or random frames.
+    hint_dimensions : int
+        Coordinates that the low-dimensional HMM sees, each with its change.
     trim : bool
         Whether transitions and states are removed where that does not raise J.
     max_iterations : int
@@ -62,20 +63,21 @@ class Settings:
 
     states: int = 75
     entropy: float = 1.0
-    cross_entropy: float = 0.5
-    temperature: float = 0.3
+    cross_entropy: float = 0.02
+    temperature: float = 0.1
     anneal: int = 40
     heat: float = 0.5
     resolution: float = 0.05
     init: str = 'hint'
+    hint_dimensions: int = 3
     trim: bool = True
     max_iterations: int = 100
     tolerance: float = 1e-5
     seed: int = 0
 
     def __post_init__(self):
-        if self.states < 1 or self.anneal < 0 or self.max_iterations < 1:
-            raise UsageError('states and max_iterations must be at least 1, anneal at least 0')
+        if min(self.states, self.max_iterations, self.hint_dimensions) < 1 or self.anneal < 0:
+            raise UsageError('states, max_iterations and hint_dimensions must be at least 1, anneal at least 0')
         if not (self.cross_entropy > 0 and self.resolution > 0 and self.temperature >= 0 and self.entropy >= 0):
             raise UsageError('cross_entropy and resolution must be positive, temperature and entropy not negative')
         if not 0 <= self.heat < 1:
@@ -299,7 +301,7 @@ def _hinted(family, sequences, settings, styles, rng):
     It sees the first coordinates and their changes, each style scaled to the same spread: where in its own range a
     motion is and which way it goes, which is what the styles have in common.
     """
-    low = min(_HINT_DIMENSIONS, sequences[0].shape[1])
+    low = min(settings.hint_dimensions, sequences[0].shape[1])
     extended = []
     for x in sequences:
         change = np.gradient(x[:, :low], axis=0) if len(x) > 1 else np.zeros((len(x), low))
