@@ -40,9 +40,9 @@ def main():
     report.table('styles', ['recording', *(f'v{k + 1}' for k in range(machine.dof)), 'mean dwell (s)'],
                  [[name, *v, float(np.average(machine.at(v).dwell) / machine.rate_hz)]
                   for name, v in machine.styles.items()], 'Style coordinates')
-    report.text(f'{machine.n_states} of {args.states} states left, {int((machine.trans > 0).sum())} transitions; sharing '
-                f'of states by the recordings {sharing(list(machine.recordings.values()), machine.n_states):.2f} '
-                '(1 = all alike).')
+    shared = sharing(list(machine.recordings.values()), machine.n_states)
+    report.text(f'{machine.n_states} of {args.states} states left, {int((machine.trans > 0).sum())} transitions; '
+                f'sharing of states by the recordings {shared:.2f} (1 = all alike).')
     content = machine.recordings['07_01']
     for axis in range(3):
         strips = []

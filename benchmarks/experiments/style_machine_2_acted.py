@@ -5,24 +5,25 @@
 import time
 
 import numpy as np
+from sklearn.cluster import KMeans
 from style_machine_common import ACTED, agreement, alignments, body, parse, paths, sharing, skeleton
 
-from style_core.hmm import log_density, viterbi
+from style_core.hmm import Hmm, em_step, log_density, viterbi
 from style_core.report import Report
 from style_core.style_machine import Settings, learn, primitives
 from style_core.style_machine.pictures import occupancy_matrices, state_graph, style_map
 
 
 def plain_hmm(sequences, states, seed):
-    """State paths of a full-covariance HMM of hmmlearn on all sequences together."""
-    from hmmlearn.hmm import GaussianHMM
-    peer = GaussianHMM(states, 'full', n_iter=30, random_state=seed, covars_prior=1e-3, implementation='scaling')
-    peer.fit(np.concatenate(sequences), [len(x) for x in sequences])
-    trans = np.where(np.isfinite(peer.transmat_), peer.transmat_, 1.0 / states)
-    rows = trans.sum(axis=1, keepdims=True)
-    trans = np.where(rows > 0, trans / np.where(rows > 0, rows, 1), 1.0 / states)
-    covs = peer.covars_ + 1e-4 * np.eye(sequences[0].shape[1])  # hmmlearn lets states collapse
-    return [viterbi(log_density(x, peer.means_, covs), peer.startprob_, trans)[0] for x in sequences]
+    """State paths of a maximum-likelihood full-covariance HMM of all sequences together, started from k-means."""
+    whole = np.concatenate(sequences)
+    means = KMeans(states, n_init=1, random_state=seed).fit(whole).cluster_centers_
+    floor = 1e-3 * float(whole.var(axis=0).mean())
+    model = Hmm(np.full(states, 1 / states), np.full((states, states), 0.2 / states) + 0.8 * np.eye(states), means,
+                np.tile(np.cov(whole.T) / states ** (2 / 3), (states, 1, 1)))
+    for _ in range(30):
+        model, _ = em_step(model, sequences, floor)
+    return [viterbi(log_density(x, model.means, model.covs), model.start, model.trans)[0] for x in sequences]
 
 
 def main():

@@ -64,7 +64,7 @@ def pooled(machine, motions, held_out, seed):
         found = content(x)
         parts.append(em.velocity_moments(x, found.gamma, found.counts, q))
     noise = machine.settings.resolution ** 2 * float(c.variances[:q].mean())
-    emission = em.remap_generic(em.add_statistics(parts), np.zeros(c.basis.shape[0]), (noise, noise * 1e-2))
+    emission = em.remap_generic([em.add_statistics(parts)], np.zeros(c.basis.shape[0]), 1e-9, (noise, noise * 1e-2))
 
     def error(motion):
         x = own(motion)

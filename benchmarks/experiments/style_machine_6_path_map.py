@@ -80,7 +80,7 @@ def main():
         report.table(title, ['recording', 'style found', 'off-line', 'on-line, 0.2 s late', 'on-line, 17 ms late',
                              'nearest neighbour', 'linear regression',
                              'spread of the recording'], rows,
-                     f'From {title} ({cue.sum()} channels and their changes) to the other {int((~cue).sum())} channels: '
+                     f'From {title} ({cue.sum()} channels and their changes) to the other {int((~cue).sum())}: '
                      'RMS error on held-out recordings, degrees')
         report.figure(drawn, title.replace(' ', '_'), f'08_02, not trained on, from its {title} alone.')
     print(report.write(args.output))

@@ -40,8 +40,8 @@ def main():
                     'python benchmarks/experiments/style_machine_schedule.py', args.seed,
                     paths([*LOCOMOTION, *ACTED, *HELD_OUT['locomotion'], *HELD_OUT['acted']]))
     report.text('Each row changes the default settings in what it names. Sharing: 1 = every state used by all styles '
-                'alike. Agreement: share of frames, aligned in time, that two recordings give the same state. Held out: '
-                'RMS error of recordings not trained on, resynthesised from their occupancies and style coordinates.')
+                'alike. Agreement: share of frames, aligned in time, that two recordings give the same state. Held '
+                'out: RMS error of recordings not trained on, resynthesised from their occupancies and style coordinates.')
     for title, names, states in (('locomotion', LOCOMOTION, 16), ('acted', ACTED, 40)):
         motions = [body(name) for name in names]
         held_out = [body(name) for name in HELD_OUT[title]]
@@ -60,8 +60,8 @@ def main():
                 errors.append(rms_deg(synthesize(machine, found.gamma, found.v), motion))
             rows.append([', '.join(f'{k} {v}' for k, v in variant.items()) or 'default',
                          machine.history[-1]['objective'], machine.n_states, sharing(labels, machine.n_states),
-                         agreement(labels, aligned)[0], float(np.cumsum(machine.spectrum)[2]), float(np.mean(errors)),
-                         elapsed])
+                         agreement(labels, aligned)[0], float(np.cumsum(machine.spectrum)[2]),
+                         float(np.mean(errors)), elapsed])
             print(title, rows[-1], flush=True)
         report.table(title, ['settings', 'objective', 'states left', 'sharing', 'agreement', 'explained by 3 axes',
                              'held out (deg)', 'training (s)'], rows,

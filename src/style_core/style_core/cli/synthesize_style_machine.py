@@ -34,7 +34,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--keep-timing', action='store_true',
                         help="with --content: keep the recording's timing instead of the style's dwell times")
     parser.add_argument('--seed', type=int, default=0, help='of a random walk (default: 0)')
-    parser.add_argument('--rate', type=float, metavar='HZ', help="resample to this rate (default: the model's)")
+    parser.add_argument('--rate', type=float, metavar='HZ', help="rate of the result (default: the model's; AMC: 120)")
     parser.add_argument('--recorded-rate', type=float, metavar='HZ', help='rate of an AMC recording (default: 120)')
     parser.add_argument('--skeleton', metavar='FILE', help='.asf or .bvh to write AMC or BVH with (default: the one '
                                                            "beside the recording; for AMC CMU's)")
@@ -68,10 +68,13 @@ def run(args):
             visits = take(random_walk(machine, args.seed), machine, style, args.random_walk)
         motion = synthesize_visits(machine, visits, style)
     motion = _complete(motion, recording, skeleton, args.output)
-    if args.rate is not None:
-        motion = motion.resample(args.rate)
+    rate = args.rate
+    if rate is None and args.output.lower().endswith('.amc'):  # AMC files do not say their rate: readers expect 120 Hz
+        rate = 120.0 if recording is None else recording.rate_hz
+    if rate is not None:
+        motion = motion.resample(rate)
     write_motion(motion, args.output, skeleton)
-    print(f'wrote {args.output}: {motion.n_frames} frames, {motion.duration_s:.2f} s, style '
+    print(f'wrote {args.output}: {motion.n_frames} frames at {motion.rate_hz:g} Hz, {motion.duration_s:.2f} s, style '
           f'[{", ".join(f"{x:.2f}" for x in style)}]')
     if args.picture:
         from style_core.pictures import save, stick_strip
