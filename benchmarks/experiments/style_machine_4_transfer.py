@@ -58,8 +58,8 @@ def main():
                  'Content of A in the style of B, analysed again')
     report.text(f'Largest step from one frame to the next: {np.degrees(max(steps)):.1f} degrees in the synthesised '
                 f'motion, {np.degrees(real.max()):.1f} in the recordings (a wrist that passes gimbal lock), whose '
-                f'99.9 % quantile over frames and joints is {np.degrees(np.quantile(real, 0.999)):.1f}. Jerk below 8 Hz. Beyond = more '
-                'than two degrees beyond.')
+                f'99.9 % quantile over frames and joints is {np.degrees(np.quantile(real, 0.999)):.1f}. Jerk below '
+                '8 Hz. Beyond = more than two degrees beyond.')
     found = analyze(machine, motions['07_01'])
     strips = [('07_01 as recorded', motions['07_01'])] + [
         (f'07_01 as {b}', synthesize(machine, found.gamma, b, dwell=found.emission.dwell))

@@ -41,7 +41,7 @@ def main():
                     paths([*LOCOMOTION, *ACTED, *HELD_OUT['locomotion'], *HELD_OUT['acted']]))
     report.text('Each row changes the default settings in what it names. Sharing: 1 = every state used by all styles '
                 'alike. Agreement: share of frames, aligned in time, that two recordings give the same state. Held '
-                'out: RMS error of recordings not trained on, resynthesised from their occupancies and style coordinates.')
+                'out: RMS error of recordings not trained on, resynthesised from occupancies and style coordinates.')
     for title, names, states in (('locomotion', LOCOMOTION, 16), ('acted', ACTED, 40)):
         motions = [body(name) for name in names]
         held_out = [body(name) for name in HELD_OUT[title]]
