@@ -13,7 +13,6 @@ part() {
     "${@:2}" || failed+=("$1")
 }
 
-
 part 'lint' ruff check .
 part 'mathematics (no ROS)' env -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH \
     PYTHONPATH="$ROOT/src/style_core" python3 -m pytest -q -p no:cacheprovider src/style_core/test

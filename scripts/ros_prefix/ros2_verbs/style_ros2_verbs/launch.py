@@ -1,5 +1,4 @@
 """``ros2 launch``."""
-import argparse
 import os
 
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
@@ -20,7 +19,7 @@ class LaunchCommand(CommandExtension):
         parser.add_argument('package_or_file', metavar='package_name', help='a package, or the path of a launch file')
         parser.add_argument('launch_file', metavar='launch_file_name', nargs='?',
                             help="a launch file of the package; with a path before, the first of the file's arguments")
-        parser.add_argument('launch_arguments', nargs=argparse.REMAINDER, help="arguments, each as 'name:=value'")
+        parser.add_argument('launch_arguments', nargs='*', help="arguments, each as 'name:=value'")
 
     def main(self, *, parser, args):
         """Exit status of the launch service."""
