@@ -37,7 +37,7 @@ def style_prior(styles, groups, factor):
     centred = styles - mean
     covariance = (centred * weight[:, None]).T @ centred * factor
     floor = max(0.02 * np.trace(covariance) / len(covariance), 1e-12)
-    return mean, np.linalg.cholesky(covariance + floor * np.eye(len(covariance)))
+    return mean, np.ascontiguousarray(np.linalg.cholesky(covariance + floor * np.eye(len(covariance))))
 
 
 def whitened(table, mean, root):

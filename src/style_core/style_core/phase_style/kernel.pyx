@@ -25,10 +25,6 @@ cdef extern from *:
                                       double c, const double *restrict r, double d, const double *restrict s,
                                       double *restrict out, int n)
     { for (int k = 0; k < n; k++) out[k] = (a * p[k] + b * q[k]) + (c * r[k] + d * s[k]); }
-    STYLE_CLONES static void hermite4_add(double a, const double *restrict p, double b, const double *restrict q,
-                                          double c, const double *restrict r, double d, const double *restrict s,
-                                          double *restrict out, int n)
-    { for (int k = 0; k < n; k++) out[k] += (a * p[k] + b * q[k]) + (c * r[k] + d * s[k]); }
     STYLE_CLONES static void axpy(double a, const double *restrict x, double *restrict y, int n)
     { for (int k = 0; k < n; k++) y[k] += a * x[k]; }
     STYLE_CLONES static void axpy2(double a, const double *restrict x, double b, const double *restrict z,
@@ -46,6 +42,40 @@ cdef extern from *:
     { for (int k = 0; k < n; k++) y[k] = x[k] * z[k]; }
     STYLE_CLONES static void square_add(const double *restrict x, double *restrict y, int n)
     { for (int k = 0; k < n; k++) y[k] += x[k] * x[k]; }
+    /* out += sum_c coefficient[c] * base[c * stride + .], four at a time to spare the traffic of out */
+    STYLE_CLONES static void combine(const double *restrict coefficient, const double *restrict base, long stride,
+                                     int count, double *restrict out, int n)
+    {
+        int c = 0;
+        for (; c + 3 < count; c += 4) {
+            double a0 = coefficient[c], a1 = coefficient[c + 1], a2 = coefficient[c + 2], a3 = coefficient[c + 3];
+            const double *x0 = base + c * stride, *x1 = x0 + stride, *x2 = x1 + stride, *x3 = x2 + stride;
+            for (int k = 0; k < n; k++)
+                out[k] = (((out[k] + a0 * x0[k]) + a1 * x1[k]) + a2 * x2[k]) + a3 * x3[k];
+        }
+        for (; c < count; c++) {
+            double a0 = coefficient[c];
+            const double *x0 = base + c * stride;
+            for (int k = 0; k < n; k++) out[k] += a0 * x0[k];
+        }
+    }
+    /* weighted sums over bases of the cubic between two nodes, and of its slope */
+    STYLE_CLONES static void hermite_sums(const double *restrict weight, int count, const double *restrict h,
+                                          const double *restrict p, const double *restrict q,
+                                          const double *restrict r, const double *restrict s,
+                                          double *restrict value, double *restrict slope, int n)
+    {
+        for (int k = 0; k < n; k++) value[k] = slope[k] = 0;
+        for (int c = 0; c < count; c++, p += n, q += n, r += n, s += n) {
+            double w = weight[c];
+            double v0 = w * h[0], v1 = w * h[1], v2 = w * h[2], v3 = w * h[3];
+            double g0 = w * h[4], g1 = w * h[5], g2 = w * h[6], g3 = w * h[7];
+            for (int k = 0; k < n; k++) {
+                value[k] += (v0 * p[k] + v1 * q[k]) + (v2 * r[k] + v3 * s[k]);
+                slope[k] += (g0 * p[k] + g1 * q[k]) + (g2 * r[k] + g3 * s[k]);
+            }
+        }
+    }
     STYLE_CLONES static double dot(const double *restrict x, const double *restrict y, int n)
     {
         double s0 = 0, s1 = 0, s2 = 0, s3 = 0;
@@ -59,8 +89,9 @@ cdef extern from *:
     """
     void hermite4(double, const double*, double, const double*, double, const double*, double, const double*,
                   double*, int) noexcept nogil
-    void hermite4_add(double, const double*, double, const double*, double, const double*, double, const double*,
-                      double*, int) noexcept nogil
+    void combine(const double*, const double*, long, int, double*, int) noexcept nogil
+    void hermite_sums(const double*, int, const double*, const double*, const double*, const double*, const double*,
+                      double*, double*, int) noexcept nogil
     void axpy(double, const double*, double*, int) noexcept nogil
     void axpy2(double, const double*, double, const double*, double*, int) noexcept nogil
     void scale(double, const double*, double*, int) noexcept nogil
@@ -185,27 +216,22 @@ cdef class Table:
             d = u * (3 * u - 2) * rate
             hermite4(a, v0, b, s0, c, v1, d, s1, slope, size)
 
-    cdef void weighted_slope(self, double phase, const double* weight, double* slope) noexcept nogil:
-        """``sum_j weight_j`` times the derivative of basis j, (D,)."""
-        cdef int node, j, k, n = self.channels
-        cdef double u, rate, a, b, c, d
-        cdef const double *v0
-        cdef const double *v1
-        cdef const double *s0
-        cdef const double *s1
+    cdef void weighted(self, double phase, const double* weight, double* value, double* slope) noexcept nogil:
+        """``sum_j weight_j`` times basis j and times its derivative, each (D,)."""
+        cdef int node
+        cdef double u, rate
+        cdef double h[8]
         self._place(phase, &node, &u, &rate)
-        for k in range(n):
-            slope[k] = 0
-        for j in range(self.count):
-            v0 = &self.values[node, j, 0]
-            v1 = &self.values[node + 1, j, 0]
-            s0 = &self.slopes[node, j, 0]
-            s1 = &self.slopes[node + 1, j, 0]
-            a = 6 * u * (u - 1) * rate * weight[j]
-            b = (1 - u) * (1 - 3 * u) * rate * weight[j]
-            c = -a
-            d = u * (3 * u - 2) * rate * weight[j]
-            hermite4_add(a, v0, b, s0, c, v1, d, s1, slope, n)
+        h[0] = (1 + 2 * u) * (1 - u) * (1 - u)
+        h[1] = u * (1 - u) * (1 - u)
+        h[2] = u * u * (3 - 2 * u)
+        h[3] = u * u * (u - 1)
+        h[4] = 6 * u * (u - 1) * rate
+        h[5] = (1 - u) * (1 - 3 * u) * rate
+        h[6] = -h[4]
+        h[7] = u * (3 * u - 2) * rate
+        hermite_sums(weight, self.count, h, &self.values[node, 0, 0], &self.slopes[node, 0, 0],
+                     &self.values[node + 1, 0, 0], &self.slopes[node + 1, 0, 0], value, slope, self.channels)
 
     cdef double variance(self, double phase, const double* weight) noexcept nogil:
         """Eq. (13): ``sum_j weight_j^2 variance_j``, linear between nodes."""
@@ -314,13 +340,8 @@ cdef class PaperFilter:
             self.p01 += dt * self.p11 + q * dt * dt / 2
             self.p11 += q * dt
             self._bound()
-            self.table.look_up(self.phase, &self.value[0, 0], NULL)
-            self.table.weighted_slope(self.phase, &self.w[0], &self.tangent[0])
+            self.table.weighted(self.phase, &self.w[0], &self.mean[0], &self.tangent[0])
             extra = self.table.variance(self.phase, &self.w[0])
-            for d in range(n):
-                self.mean[d] = 0
-            for j in range(J):
-                axpy(self.w[j], &self.value[j, 0], &self.mean[0], n)
             for d in range(n):
                 self.seen[d] = 1 if observed[d] else 0
                 self.clean[d] = y[d] if observed[d] else 0
@@ -422,19 +443,18 @@ cdef class PaperFilter:
                         phase = 1 if phase >= 1 else 0
                         speed = 0
                 self.table.look_up(phase, &self.value[0, 0], NULL)
-                self.table.weighted_slope(phase, &self.w[0], &self.tangent[0])
+                self.table.weighted(phase, &self.w[0], &mean[h, 0], &self.tangent[0])
                 extra = self.table.variance(phase, &self.w[0])
                 phase_variance = self.p00 + ahead * (2 * self.p01 + ahead * self.p11) \
                     + self.acceleration * ahead * ahead * ahead / 3
                 for d in range(n):
-                    mean[h, d] = 0
                     self.variance[d] = self.noise[d] + extra + phase_variance * self.tangent[d] * self.tangent[d]
                     velocity[h, d] = speed * self.tangent[d]
                 for i in range(J):
-                    axpy(self.w[i], &self.value[i, 0], &mean[h, 0], n)
                     scale(self.spread[i, i], &self.value[i, 0], &self.clean[0], n)
                     for j in range(i):
-                        axpy(self.spread[i, j] + self.spread[j, i], &self.value[j, 0], &self.clean[0], n)
+                        self.scratch[j] = self.spread[i, j] + self.spread[j, i]
+                    combine(&self.scratch[0], &self.value[0, 0], n, i, &self.clean[0], n)
                     product_add(1.0, &self.clean[0], &self.value[i, 0], &self.variance[0], n)
                 for d in range(n):
                     std[h, d] = sqrt(self.variance[d]) if self.variance[d] > 0 else 0
@@ -481,7 +501,7 @@ cdef class ArrowFilter:
     cdef double[:, ::1] u
     cdef double[:, :, ::1] A, V
     cdef double[:, ::1] value, g, wide, gain, vs
-    cdef double[::1] slope, error, inverse, row, s
+    cdef double[::1] slope, error, inverse, row, s, doubled
     cdef int turn
     cdef bint fresh
 
@@ -510,7 +530,7 @@ cdef class ArrowFilter:
         self.value, self.g, self.wide = np.zeros((m, D)), np.zeros((m, D)), np.zeros((max(n, m) * 3, D))
         self.gain, self.vs = np.zeros((n, D)), np.zeros((n, D))
         self.slope, self.error, self.inverse, self.row = (np.zeros(D) for _ in range(4))
-        self.s = np.zeros(n)
+        self.s, self.doubled = np.zeros(n + 1), np.zeros(n)
         self.turn = 0
         self.start(0.0, 0.5 * (self.lowest + self.highest), 1.0, 1.0)
 
@@ -548,6 +568,33 @@ cdef class ArrowFilter:
     def covariance(self):
         """Covariance of the common state, shape (2 + J, 2 + J)."""
         return np.array(self.P)
+
+    def describe(self, const double[::1] centre, const double[:, ::1] root):
+        """Phase, velocity, their covariance (2, 2), style (J,) = ``centre + root z`` and its covariance (J, J)."""
+        cdef int i, j, k, J = self.styles
+        cdef double total
+        cdef double[:, ::1] phase = np.empty((2, 2)), covariance = np.empty((J, J))
+        cdef double[::1] style = np.empty(J)
+        for i in range(2):
+            for j in range(2):
+                phase[i, j] = self.P[i, j]
+        for i in range(J):
+            style[i] = centre[i]
+            for k in range(J):
+                style[i] += root[i, k] * self.c[2 + k]
+        for i in range(J):
+            for j in range(J):
+                total = 0
+                for k in range(J):
+                    total += self.P[2 + i, 2 + k] * root[j, k]
+                self.matrix[i, j] = total
+        for i in range(J):
+            for j in range(J):
+                total = 0
+                for k in range(J):
+                    total += root[i, k] * self.matrix[k, j]
+                covariance[i, j] = total
+        return self.c[0], self.c[1], phase.base, style.base, covariance.base
 
     @property
     def residuals(self):
@@ -706,9 +753,9 @@ cdef class ArrowFilter:
                 if drift >= 0:
                     axpy(load[2][r], &self.A[a, rows[2], 0], AL + r * D, D)
             for i in range(m):
-                axpy2(-mix[0][i], AL, -mix[1][i], AL + D, &self.A[a, i, 0], D)
-                if drift >= 0:
-                    axpy(-mix[2][i], AL + 2 * D, &self.A[a, i, 0], D)
+                for r in range(3):
+                    inner[r] = -mix[r][i]
+                combine(inner, AL, D, 3 if drift >= 0 else 2, &self.A[a, i, 0], D)
         # A <- G A, u <- G u
         for i in range(-1, m):
             for a in range(n):
@@ -772,45 +819,37 @@ cdef class ArrowFilter:
             self.s[4 + 2 * k] = sin((k + 1) * phase)
 
     cdef void _linearise(self, double phase) noexcept nogil:
-        """Bases in ``value`` (mean first), the whole derivative by phase in ``slope``, weights in ``s``."""
+        """Bases in ``value`` (mean first), expected observation in ``row``, its whole derivative by phase in
+        ``slope``, weights of the residual states in ``s``."""
         cdef int k
         self.table.look_up(phase, &self.value[0, 0], NULL)
         self.work[0] = 1
         for k in range(self.styles):
             self.work[1 + k] = self.c[2 + k]
-        self.table.weighted_slope(phase, &self.work[0], &self.slope[0])
+        self.table.weighted(phase, &self.work[0], &self.row[0], &self.slope[0])
         self._weights(phase)
         for k in range(self.harmonics):
             axpy2(-(k + 1) * self.s[4 + 2 * k], &self.u[3 + 2 * k, 0],
                   (k + 1) * self.s[3 + 2 * k], &self.u[4 + 2 * k, 0], &self.slope[0], self.channels)
+        combine(&self.s[0], &self.u[0, 0], self.channels, self.states, &self.row[0], self.channels)
 
     cdef int _observe(self, const double* y, const unsigned char* observed) noexcept nogil:
         cdef int i, j, a, b, d, m = self.common, n = self.states, D = self.channels, seen = 0
         cdef double squares = 0, logs = 0, total
         self._linearise(self.c[0])
-        # expected observation, in row
-        scale(1.0, &self.value[0, 0], &self.row[0], D)
-        for j in range(self.styles):
-            axpy(self.c[2 + j], &self.value[1 + j, 0], &self.row[0], D)
-        for a in range(n):
-            if a != 2:
-                axpy(self.s[a], &self.u[a, 0], &self.row[0], D)
         # sensitivity to the common state, directly and through what it tells of the residual states
         scale(1.0, &self.slope[0], &self.g[0, 0], D)
         scale(0.0, &self.slope[0], &self.g[1, 0], D)
         for j in range(self.styles):
             scale(1.0, &self.value[1 + j, 0], &self.g[2 + j, 0], D)
         for i in range(m):
-            for a in range(n):
-                if a != 2:
-                    axpy(self.s[a], &self.A[a, i, 0], &self.g[i, 0], D)
+            combine(&self.s[0], &self.A[0, i, 0], m * D, n, &self.g[i, 0], D)
         # V s and the innovation's variance given the common state
         scale(1.0, &self.noise[0], &self.inverse[0], D)
         for a in range(n):
-            scale(self.s[0], &self.V[a, 0, 0], &self.vs[a, 0], D)
-            for b in range(1, n):
-                if b != 2:
-                    axpy(self.s[b], &self.V[a, b, 0] if b <= a else &self.V[b, a, 0], &self.vs[a, 0], D)
+            scale(self.s[0], &self.V[a, 0, 0], &self.vs[a, 0], D)  # V is stored below its diagonal
+            combine(&self.s[1], &self.V[a, 1, 0], D, a, &self.vs[a, 0], D)
+            combine(&self.s[a + 1], &self.V[a + 1 if a + 1 < n else a, a, 0], n * D, n - 1 - a, &self.vs[a, 0], D)
             if a != 2:
                 axpy(self.s[a], &self.vs[a, 0], &self.inverse[0], D)
         for d in range(D):
@@ -862,8 +901,8 @@ cdef class ArrowFilter:
             axpy(-self.delta[i], &self.g[i, 0], &self.error[0], D)
         for a in range(n):
             product(&self.vs[a, 0], &self.inverse[0], &self.gain[a, 0], D)
+            combine(&self.delta[0], &self.A[a, 0, 0], D, m, &self.u[a, 0], D)
             for i in range(m):
-                axpy(self.delta[i], &self.A[a, i, 0], &self.u[a, 0], D)
                 product_subtract(&self.gain[a, 0], &self.g[i, 0], &self.A[a, i, 0], D)
             # (the error of a channel not observed may be anything: its gain is zero)
             product_add(1.0, &self.gain[a, 0], &self.error[0], &self.u[a, 0], D)
@@ -920,11 +959,12 @@ cdef class ArrowFilter:
         if not self.table.rhythmic and (phase >= 1 or phase <= 0):
             phase = 1 if phase >= 1 else 0
             speed = 0
-        self.table.look_up(phase, &self.value[0, 0], NULL)
         self.work[0] = 1
         for j in range(self.styles):
             self.work[1 + j] = rho * self.c[2 + j]
-        self.table.weighted_slope(phase, &self.work[0], &self.slope[0])
+        self.table.weighted(phase, &self.work[0], mean, &self.slope[0])
+        if spread or self.style_rate > 0:
+            self.table.look_up(phase, &self.value[0, 0], NULL)
         self._weights(phase)
         # residual states: weights of today's states
         self.s[0] = g0
@@ -934,18 +974,15 @@ cdef class ArrowFilter:
         for k in range(self.harmonics):
             axpy2(-(k + 1) * self.s[4 + 2 * k], &self.u[3 + 2 * k, 0],
                   (k + 1) * self.s[3 + 2 * k], &self.u[4 + 2 * k, 0], &self.slope[0], D)
-        scale(1.0, &self.value[0, 0], mean, D)
         scale(speed, &self.slope[0], velocity, D)
         axpy2(f21, &self.u[1, 0], f22, &self.u[2, 0], velocity, D)
         axpy(-self.offset_rate * g0, &self.u[0, 0], velocity, D)
         for a in range(3, n):
             axpy(-self.personal_rate * self.s[a], &self.u[a, 0], velocity, D)
-        for j in range(self.styles):
-            axpy(-self.style_rate * self.work[1 + j], &self.value[1 + j, 0], velocity, D)
-        for j in range(self.styles):
-            axpy(self.work[1 + j], &self.value[1 + j, 0], mean, D)
-        for a in range(n):
-            axpy(self.s[a], &self.u[a, 0], mean, D)
+        if self.style_rate > 0:
+            for j in range(self.styles):
+                axpy(-self.style_rate * self.work[1 + j], &self.value[1 + j, 0], velocity, D)
+        combine(&self.s[0], &self.u[0, 0], D, n, mean, D)
         if not spread:
             return
         scale(1.0, &self.slope[0], &self.g[0, 0], D)
@@ -953,8 +990,7 @@ cdef class ArrowFilter:
         for j in range(self.styles):
             scale(rho, &self.value[1 + j, 0], &self.g[2 + j, 0], D)
         for i in range(m):
-            for a in range(n):
-                axpy(self.s[a], &self.A[a, i, 0], &self.g[i, 0], D)
+            combine(&self.s[0], &self.A[0, i, 0], m * D, n, &self.g[i, 0], D)
         scale(1.0, &self.noise[0], std, D)
         axpy2(q0, &self.offset[0], qf, &self.fast[0], std, D)
         for k in range(self.harmonics):
@@ -966,12 +1002,15 @@ cdef class ArrowFilter:
         for i in range(m):  # g^T P g with P = C C^T
             scale(self.factor[i, i], &self.g[i, 0], &self.row[0], D)
             for j in range(i + 1, m):
-                axpy(self.factor[j, i], &self.g[j, 0], &self.row[0], D)
+                self.delta[j] = self.factor[j, i]
+            combine(&self.delta[i + 1 if i + 1 < m else i], &self.g[i + 1 if i + 1 < m else i, 0], D, m - 1 - i,
+                    &self.row[0], D)
             square_add(&self.row[0], std, D)
         for a in range(n):
             scale(self.s[a], &self.V[a, a, 0], &self.row[0], D)
             for b in range(a):
-                axpy(2 * self.s[b], &self.V[a, b, 0], &self.row[0], D)
+                self.doubled[b] = 2 * self.s[b]
+            combine(&self.doubled[0], &self.V[a, 0, 0], D, a, &self.row[0], D)
             axpy(self.s[a], &self.row[0], std, D)
         for d in range(D):
             std[d] = sqrt(std[d]) if std[d] > 0 else 0

@@ -135,6 +135,7 @@ class FullPredictor:
             table = Table(table)
             self._tables.append(table)
             self._pool.append([make_filter(behaviour, table, without) for _ in range(LIVE + 1)])
+        self._certain = [{one.name: float(one is behaviour) for one in behaviours} for behaviour in behaviours]
         self._slices = [(index, speed) for index, glance in enumerate(self._glances) for speed in glance.speeds]
         channels = len(self.joint_names)
         self._gate = ObservationGate(channels)
@@ -144,6 +145,7 @@ class FullPredictor:
         self._times = np.zeros(WINDOW)
         self._now = tuple(np.empty((1, channels)) for _ in range(3))
         self._zero = np.zeros(1)
+        self._now_scale = [float(self._scale(index, self._zero)[0]) for index in range(len(behaviours))]
         self._leader = None
         self.reset()
 
@@ -311,6 +313,8 @@ class FullPredictor:
         self._leader.judge_anew()
 
     def _probabilities(self):
+        if not self._searching:
+            return dict(self._certain[self._leader.behaviour])
         judged = [track for track in self._tracks if track.weight]
         if not judged:
             return {behaviour.name: 1 / len(self._behaviours) for behaviour in self._behaviours}
@@ -333,13 +337,11 @@ class FullPredictor:
             innovation, log_likelihood = one.innovation, one.log_likelihood
         mean, std, velocity = self._now
         one.predict(self._zero, mean, std, velocity)
-        scale = self._scale(index, self._zero)[0]
-        state, covariance = one.state, one.covariance
-        centre, root = self._priors[index]
+        scale = self._now_scale[index]
+        phase, speed, covariance, style, style_covariance = one.describe(*self._priors[index])
         return Estimate(
-            time=gate.time, phase=float(state[0]), phase_velocity=float(state[1]),
-            phase_covariance=covariance[:2, :2], style=centre + root @ state[2:],
-            style_covariance=root @ covariance[2:, 2:] @ root.T, mean=mean[0].copy(), std=std[0] * scale,
+            time=gate.time, phase=phase, phase_velocity=speed, phase_covariance=covariance, style=style,
+            style_covariance=style_covariance, mean=mean[0].copy(), std=std[0] * scale,
             observed=observed, innovation=innovation, log_likelihood=log_likelihood, status=self._status,
             behaviours=self._probabilities())
 
