@@ -51,6 +51,15 @@ def test_following_on_line(machine, path_map):
     assert np.sqrt((hidden ** 2).mean()) < 0.5 * new.positions[:, 2:].std()
 
 
+def test_filter_density_is_the_marginal_density(path_map, motions):
+    following = FollowingFilter(path_map)
+    x = cue_features(motions[0].positions[:, :2])[20]
+    for seen in (np.ones(4, dtype=bool), np.array([True, False, True, True]), np.zeros(4, dtype=bool)):
+        masked = np.where(seen, x, np.nan)
+        expected = [log_density(masked[None], means, path_map.covs)[0] for means in path_map.means]
+        np.testing.assert_allclose(following._density(masked), expected, rtol=1e-9, atol=1e-9)
+
+
 def test_cues_may_be_missing_or_wrong(machine, path_map, motions):
     cues = cue_features(motions[1].positions[:, :2])
     cues[30:60, 0] = np.nan

@@ -5,25 +5,27 @@ import numpy as np
 
 from style_core.errors import ModelError
 from style_core.hmm import filter_step, log_density, moments, occupancy
-from style_core.style_machine.entropic import specific_map
 from style_core.style_machine.synthesis import synthesize
 
 __all__ = ['PathMap', 'fit_path_map', 'follow', 'FollowingFilter', 'cue_features']
 
 _REFERENCE_FRAMES = 10.0
+_TABLES = 8  # sensor patterns whose whitening matrices are kept
 
 
 @dataclass(frozen=True, eq=False)
 class PathMap:
-    """Cue emissions of every state, generic and of each training style.
+    """Cue emissions of every state in each training style.
 
     Attributes
     ----------
     machine : StyleMachine
         The target: its transitions are the backbone.
     styles : tuple of str
-    means, covs : ndarray, shapes (S, N, C), (S, N, C, C)
+    means : ndarray, shape (S, N, C)
         Of the cue features (`cue_features`).
+    covs : ndarray, shape (N, C, C)
+        Common to the styles.
     """
 
     machine: object
@@ -74,15 +76,18 @@ def fit_path_map(machine, features, recordings):
         total = part if total is None else total + part
     weight = np.maximum(total.weight, 1e-9)
     overall = total.total.sum(axis=0) / weight.sum()
-    # a state that no cue has seen gets the mean of all; the average covariance steadies every other
+    # a state that no cue has seen gets the mean of all
     means = (total.total + 1e-3 * overall) / (total.weight + 1e-3)[:, None]
-    scatter = total.scatter(means)
+    specific = np.stack([(part.total + machine.strength * means) / (part.weight + machine.strength)[:, None]
+                         for part in parts.values()])
+    # one covariance a state for all styles: cues are many and frames of one style few, and styles are told apart by
+    # likelihoods, in which a covariance of a few frames would have the last word
+    scatter = sum(part.scatter(own) for part, own in zip(parts.values(), specific))
     average = scatter.sum(axis=0) / weight.sum()
     average += 1e-6 * np.trace(average) / len(average) * np.eye(len(average)) + 1e-12 * np.eye(len(average))
-    covs = (scatter + _REFERENCE_FRAMES * average) / (total.weight + _REFERENCE_FRAMES)[:, None, None]
-    specific = [specific_map(part, means, covs, machine.strength, 0.0) for part in parts.values()]
-    return PathMap(machine, tuple(parts), np.stack([means, *(one[0] for one in specific)]),
-                   np.stack([covs, *(one[1] for one in specific)]))
+    pull = max(_REFERENCE_FRAMES, 2.0 * len(average))
+    covs = (scatter + pull * average) / (total.weight + pull)[:, None, None]
+    return PathMap(machine, tuple(parts), specific, 0.5 * (covs + covs.transpose(0, 2, 1)))
 
 
 def follow(path_map, features, style=None):
@@ -104,7 +109,7 @@ def follow(path_map, features, style=None):
     gamma : ndarray, shape (T, N)
     """
     machine = path_map.machine
-    scored = [occupancy(log_density(features, path_map.means[k + 1], path_map.covs[k + 1]), machine.start,
+    scored = [occupancy(log_density(features, path_map.means[k], path_map.covs), machine.start,
                         machine.trans) for k in range(len(path_map.styles))]
     best = int(np.argmax([one.log_likelihood for one in scored]))
     found = path_map.styles[best]
@@ -119,7 +124,7 @@ class FollowingFilter:
 
     def __init__(self, path_map):
         self.path_map = path_map
-        self._last = None
+        self._tables = {}
         self.reset()
 
     def reset(self):
@@ -131,6 +136,23 @@ class FollowingFilter:
         self._first = True
         self._n = n
 
+    def _density(self, x):
+        """Log density of one frame under every style and state, shape (S, N); tables are kept for each pattern."""
+        seen = ~np.isnan(x)
+        if not seen.any():
+            return np.zeros(self._belief.shape)
+        key = seen.tobytes()
+        if key not in self._tables:
+            if len(self._tables) >= _TABLES:
+                self._tables.pop(next(iter(self._tables)))
+            lower = np.linalg.cholesky(self.path_map.covs[:, seen][:, :, seen])
+            white = np.linalg.inv(lower)
+            self._tables[key] = (white, np.einsum('nij,snj->sni', white, self.path_map.means[:, :, seen]),
+                                 -0.5 * seen.sum() * np.log(2 * np.pi)
+                                 - np.log(np.einsum('nii->ni', lower)).sum(axis=1))
+        white, offset, constant = self._tables[key]
+        return constant - 0.5 * ((white @ x[seen] - offset) ** 2).sum(axis=2)
+
     def update(self, features):
         """Take one frame of features (C,).
 
@@ -140,13 +162,12 @@ class FollowingFilter:
         styles : dict of str to float
         """
         machine = self.path_map.machine
-        x = np.asarray(features, dtype=float)[None]
+        density = self._density(np.asarray(features, dtype=float))
+        step = np.eye(self._n) if self._first else machine.trans
         for k in range(len(self.path_map.styles)):
-            density = log_density(x, self.path_map.means[k + 1], self.path_map.covs[k + 1])[0]
-            step = np.eye(self._n) if self._first else machine.trans
             # a floor keeps a way open to states that the cues have just ruled out
             belief = 0.999 * self._belief[k] + 0.001 / self._n
-            self._belief[k], gain = filter_step(belief, step, density)
+            self._belief[k], gain = filter_step(belief, step, density[k])
             self._score[k] = 0.99 * self._score[k] + gain  # forgets, so that a change of style is noticed
         self._first = False
         weights = np.exp(self._score - self._score.max())
