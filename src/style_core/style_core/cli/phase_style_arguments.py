@@ -1,11 +1,14 @@
 """What the commands on phase-style models share: reading recordings, masks and the method."""
 import numpy as np
 
+from style_core import style_machine
 from style_core.angles import continuous
 from style_core.errors import MotionError, UsageError
 from style_core.formats import read_motion
+from style_core.model_file import read_header
 from style_core.motion import matching_names
 from style_core.phase_style import METHODS, load_behaviours, make_predictor
+from style_core.style_machine.online import StyleMachinePredictor
 
 __all__ = ['add_reading', 'add_method', 'read', 'predictor_of', 'hide']
 
@@ -31,7 +34,11 @@ def read(path, args):
 
 
 def predictor_of(args):
-    """Predictor of the model and method that were asked for."""
+    """Predictor of the model and method that were asked for; a style machine has one method."""
+    if read_header(args.model)['kind'] == style_machine.KIND:
+        if args.method != METHODS[0]:
+            raise UsageError(f'--method {args.method} is for phase-style models')
+        return StyleMachinePredictor(style_machine.load(args.model))
     return make_predictor(load_behaviours(args.model), args.method)
 
 

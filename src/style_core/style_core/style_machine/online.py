@@ -37,8 +37,6 @@ class StyleMachinePredictor:
         gaussians = [joint_gaussians(machine, one) for one in emissions]
         self._means = np.concatenate([means for means, _ in gaussians])
         self._covs = np.concatenate([covs for _, covs in gaussians])
-        velocities = np.concatenate([machine.coordinates.decode_rate(one.velocities) for one in emissions])
-        self._velocities = velocities
         self._coordinates = np.array([np.zeros(machine.dof), *machine.styles.values()])
         self._patterns = {}
         self.reset()
@@ -150,28 +148,22 @@ class StyleMachinePredictor:
         horizons = np.asarray(horizons, dtype=float)
         if horizons.ndim != 1 or not (np.isfinite(horizons).all() and (horizons >= 0).all()):
             raise ValueError('horizons must have shape (H,), finite and not negative')
-        frames = horizons * self.machine.rate_hz
-        posterior = self._posterior()
-        beliefs = {0: posterior}
-        reach = int(min(np.ceil(frames.max(initial=0.0)), 1000)) + 1
-        for k in range(1, reach + 1):
-            beliefs[k] = beliefs[k - 1] @ self.machine.trans
-        diagonal = np.einsum('nii->ni', self._covs)
-        persistence = self.machine.persistence
-        means, stds, velocities = [], [], []
-        for h in np.minimum(frames, 1000.0):
-            k = int(h)
-            flat = ((1 - (h - k)) * beliefs[k] + (h - k) * beliefs[k + 1]).ravel()
-            mean = flat @ self._means
-            decay = persistence ** h
-            slope = flat @ self._velocities
-            if k < reach:
-                slope = ((beliefs[k + 1] - beliefs[k]).ravel() @ self._means) * self.machine.rate_hz
-            rate = np.log(np.maximum(persistence, 1e-6)) * self.machine.rate_hz
-            means.append(mean + self._offset + decay * self._residual)
-            stds.append(np.sqrt((1 - decay ** 2) * (flat @ (diagonal + (self._means - mean) ** 2)) + 1e-12))
-            velocities.append(slope + rate * decay * self._residual)
-        return Prediction(self._time + horizons, np.array(means), np.array(stds), np.array(velocities))
+        frames = np.minimum(horizons * self.machine.rate_hz, 1000.0)
+        belief, chain = self._posterior(), []
+        for _ in range(int(np.ceil(frames.max(initial=0.0))) + 2):
+            chain.append(belief.ravel())
+            belief = belief @ self.machine.trans
+        chain = np.array(chain)
+        whole = frames.astype(int)
+        part = (frames - whole)[:, None]
+        flat = (1 - part) * chain[whole] + part * chain[whole + 1]
+        mean = flat @ self._means
+        spread = np.maximum(flat @ (np.einsum('nii->ni', self._covs) + self._means ** 2) - mean ** 2, 0.0)
+        decay = self.machine.persistence ** frames[:, None]
+        slope = (chain[whole + 1] - chain[whole]) @ self._means
+        fading = np.log(np.maximum(self.machine.persistence, 1e-6)) * decay * self._residual
+        return Prediction(self._time + horizons, mean + self._offset + decay * self._residual,
+                          np.sqrt((1 - decay ** 2) * spread + 1e-12), (slope + fading) * self.machine.rate_hz)
 
 
 def _tempering(persistence):
