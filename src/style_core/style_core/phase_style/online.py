@@ -68,7 +68,7 @@ class InnovationMonitor:
         Range of medians to believe; the upper may be infinite.
     """
 
-    def __init__(self, window_s=0.1, factor=3.0, usual=(0.5, 1.5)):
+    def __init__(self, window_s=0.1, factor=3.0, usual=(0.3, 1.0)):
         self._window_s, self._factor, self._usual = window_s, factor, usual
         self.reset()
 

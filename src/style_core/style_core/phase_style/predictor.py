@@ -19,6 +19,9 @@ LIVE = 3
 BUDGET = 4
 #: Samples in the past from which a new hypothesis starts.
 REPLAY = 4
+#: Best phases kept of a glance, and how long they count, s.
+PEAKS = 3
+STALE_S = 0.15
 #: Phases tried a behaviour, and speeds as multiples of the training spread around the mean.
 PHASES = 32
 SPEEDS = (0.0, -1.2, 1.2, 2.4)
@@ -56,12 +59,18 @@ class _Glance:
             self.phases, self.speeds, self.width = np.arange(PHASES) / PHASES, [mean], 1 / PHASES
         self.scores = np.empty(len(self.phases))
 
-    def best(self, y, observed, back, speed):
-        """Best phase at the last sample and its score."""
+    def peaks(self, y, observed, back, speed):
+        """The best phases at the last sample, each a peak of the score over phase: list of (score, phase)."""
         rank_phases(self.mean, self.posture, self.change, y, observed, back, speed, self.phases,
                     self.behaviour.rhythmic, self.scores)
-        index = int(np.argmax(self.scores))
-        return float(self.phases[index]), float(self.scores[index])
+        scores = self.scores.tolist()
+        last = len(scores) - 1
+        if not self.behaviour.rhythmic:  # the ends have one neighbour
+            scores.append(-math.inf)
+        found = [(scores[k], k) for k in range(last + 1)
+                 if scores[k] >= scores[k - 1] and (scores[k] > scores[(k + 1) % len(scores)] or last == 0)]
+        found.sort(reverse=True)
+        return [(score / len(y), float(self.phases[k])) for score, k in found[:PEAKS]]
 
 
 class _Track:
@@ -160,7 +169,7 @@ class FullPredictor:
         self._leader = None
         self._free = [list(filters) for filters in self._pool]
         self._filled = 0          # samples stored since the start of the window
-        self._board = {}          # (behaviour, speed) -> phase, score and time of the last glance
+        self._board = {}          # (behaviour, speed) -> time and peaks of the last glance
         self._turn = 0
         self._searching = True
         self._status = Status.ACQUIRING
@@ -220,13 +229,16 @@ class FullPredictor:
         rows = self._window()
         y, observed = self._y[rows], self._observed[rows]
         back = self._times[rows[-1]] - self._times[rows]
-        # the first glance is at every behaviour and speed; later ones in turn
-        glances = len(self._slices) if not self._board else max(1, len(self._slices) // 3)
-        for _ in range(glances):
-            key = self._slices[self._turn % len(self._slices)]
-            self._turn += 1
-            phase, score = self._glances[key[0]].best(y, observed, back, key[1])
-            self._board[key] = phase, score / len(rows), self._times[rows[-1]]
+        now = self._times[rows[-1]]
+        # one sample says nothing about speed: glance at every behaviour with its mean speed; later at all in turn
+        if len(rows) == 1:
+            keys = [(index, glance.speeds[0]) for index, glance in enumerate(self._glances)]
+        else:
+            keys = [self._slices[(self._turn + k) % len(self._slices)] for k in range((len(self._slices) + 2) // 3)]
+            self._turn += len(keys)
+        self._board = {key: found for key, found in self._board.items() if now - found[0] < STALE_S}
+        for index, speed in keys:
+            self._board[index, speed] = now, self._glances[index].peaks(y, observed, back, speed)
         self._start_candidates(rows)
         # those that are nearly up to date first: one that never catches up is of no use
         for track in sorted(self._tracks, key=lambda one: -one.next):
@@ -239,9 +251,10 @@ class FullPredictor:
     def _start_candidates(self, rows):
         """Start the best of the board that is not running yet, in place of the worst that runs."""
         now = self._times[rows[-1]]
-        order = sorted(self._board.items(), key=lambda item: -item[1][1])
+        order = sorted(((score, index, speed, phase, stamp) for (index, speed), (stamp, found) in self._board.items()
+                        for score, phase in found), reverse=True)
         most = 1 if 'search' in self._without and self._leader is None else LIVE
-        for (index, speed), (phase, _, stamp) in order:
+        for _, index, speed, phase, stamp in order:
             if len(self._tracks) >= most:
                 break
             behaviour = self._behaviours[index]
@@ -286,7 +299,9 @@ class FullPredictor:
             if track is leader:
                 continue
             ahead = leader.lead(track)
-            if (track.count >= 3 and ahead > GIVE_UP) or (track.count >= PATIENCE and ahead > 0):
+            state = track.filter.state
+            same = ahead > 0 and self._near(leader, track.behaviour, state[0], state[1])
+            if track.count >= 3 and (ahead > GIVE_UP or same or (track.count >= PATIENCE and ahead > 0)):
                 self._drop(track)
             else:
                 others.append(ahead)
