@@ -30,7 +30,7 @@ MEMORY = 0.85
 #: Successive innovations of one filter repeat each other: so many count as one when hypotheses are compared.
 CORRELATED = 5.0
 #: Nats by which another hypothesis must lead to take over, and by which one must be behind to be given up.
-TAKE_OVER = 0.5
+TAKE_OVER = 1.0
 GIVE_UP = 3.0
 #: Samples after which a hypothesis that does not lead makes room for a new one.
 PATIENCE = 12
