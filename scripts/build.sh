@@ -4,10 +4,12 @@
 source_ros
 cd "$ROOT"
 
-# a build made on another prefix does not fit this one
+# a build made on another ROS 2 does not fit this one
+ros="$HUMBLE"
+[ -e "$HUMBLE/setup.bash" ] || ros="$PREFIX"
 made_on="$(cat build/.made_on 2>/dev/null || true)"
-[ -z "$made_on" ] || [ "$made_on" = "$AMENT_PREFIX_PATH" ] || rm -rf build install log
+[ "$made_on" = "$ros" ] || rm -rf build install log
 mkdir -p build
-printf '%s' "$AMENT_PREFIX_PATH" > build/.made_on
+printf '%s' "$ros" > build/.made_on
 
 colcon build --symlink-install --event-handlers console_cohesion- "$@"
