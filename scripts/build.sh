@@ -8,7 +8,7 @@ cd "$ROOT"
 ros="$HUMBLE"
 [ -e "$HUMBLE/setup.bash" ] || ros="$PREFIX"
 made_on="$(cat build/.made_on 2>/dev/null || true)"
-[ "$made_on" = "$ros" ] || rm -rf build install log
+[ -z "$made_on" ] || [ "$made_on" = "$ros" ] || rm -rf build install log
 mkdir -p build
 printf '%s' "$ros" > build/.made_on
 

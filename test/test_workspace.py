@@ -1,4 +1,4 @@
-"""``source install/setup.bash`` in a fresh shell is all that is needed, and both ways to a launch file mean the same."""
+"""``source install/setup.bash`` is all a fresh shell needs, and both ways to a launch file mean the same."""
 import subprocess
 import sys
 from pathlib import Path
