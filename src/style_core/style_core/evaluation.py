@@ -111,7 +111,7 @@ def future(motion, horizons):
     return between
 
 
-def roll_out(predictor, motion, horizons, observed=None, reset=True, shown_times=None):
+def roll_out(predictor, motion, horizons, observed=None, reset=True):
     """Show a recording to a predictor frame by frame and keep everything it says.
 
     Parameters
@@ -125,9 +125,6 @@ def roll_out(predictor, motion, horizons, observed=None, reset=True, shown_times
         False where the predictor is not shown the value; D in the predictor's order.
     reset : bool, default True
         Forget everything before the first frame.
-    shown_times : ndarray, shape (T,), optional
-        Stamps the predictor is told where they differ from the recording's (see `disturbed_stamps`); the
-        predictions are scored at the stamps told plus the horizon.
 
     Returns
     -------
@@ -150,9 +147,6 @@ def roll_out(predictor, motion, horizons, observed=None, reset=True, shown_times
     shown = np.isfinite(present) if observed is None else np.asarray(observed, dtype=bool) & np.isfinite(present)
     if shown.shape != present.shape:
         raise MotionError(f'mask has shape {shown.shape}, the recording {present.shape}')
-    times = motion.times if shown_times is None else np.asarray(shown_times, dtype=float)
-    if times.shape != (n_frames,):
-        raise MotionError(f'{times.shape} stamps for {n_frames} frames')
     mean = np.empty((n_frames, n_horizons, n_joints))
     std = np.empty_like(mean)
     filtered, filtered_std = np.empty_like(present), np.empty_like(present)
@@ -163,7 +157,7 @@ def roll_out(predictor, motion, horizons, observed=None, reset=True, shown_times
         predictor.reset()
     for frame in range(n_frames):
         begin = clock.perf_counter()
-        estimate = predictor.update(times[frame], present[frame], shown[frame])
+        estimate = predictor.update(motion.times[frame], present[frame], shown[frame])
         middle = clock.perf_counter()
         prediction = predictor.predict(horizons)
         spent[:, frame] = middle - begin, clock.perf_counter() - middle
@@ -171,24 +165,9 @@ def roll_out(predictor, motion, horizons, observed=None, reset=True, shown_times
         filtered[frame], filtered_std[frame] = estimate.mean, estimate.std
         scalars[:, frame] = (estimate.phase, estimate.phase_velocity, estimate.innovation, estimate.log_likelihood)
         status[frame] = estimate.status
-    whole = _Samples(motion.times, present)
-    actual = future(whole, horizons) if shown_times is None else _sample(whole, times[:, None] + horizons)
-    return Rollout(names, times, horizons, mean, std, actual, filtered, filtered_std, present, shown, *scalars,
+    actual = future(motion, horizons)[:, :, take]
+    return Rollout(names, motion.times, horizons, mean, std, actual, filtered, filtered_std, present, shown, *scalars,
                    status, *spent)
-
-
-@dataclass(frozen=True, eq=False)
-class _Samples:
-    times: np.ndarray
-    positions: np.ndarray
-
-
-def _sample(samples, wanted):
-    """Positions at any instants (NaN outside the recording); ``wanted`` (T, H) s -> (T, H, D)."""
-    flat = wanted.ravel()
-    values = np.stack([np.interp(flat, samples.times, column, left=np.nan, right=np.nan)
-                       for column in samples.positions.T], axis=1)
-    return values.reshape(wanted.shape + (-1,))
 
 
 # ---------------------------------------------------------------------------------------------- scores
