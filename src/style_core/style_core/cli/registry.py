@@ -16,6 +16,7 @@ COMMANDS = {
     'effort': ('restyle a recording: freer, stronger, more sudden', 'style_core.cli.effort'),
     'blend': ('blend two motions in space and time', 'style_core.cli.blend'),
     'label': ("collect a person's effort labels", 'style_core.cli.label'),
+    'bench': ('run the benches on real recordings', 'style_core.cli.bench'),
 }
 
 #: ``motion-style train KIND``: kind -> (one-line summary, module path)

@@ -1,0 +1,85 @@
+"""Summary of the prediction bench: the goals set for it, met or not, from the pages of the other tables."""
+import json
+
+import numpy as np
+from prediction_common import OUTPUT, page, parser
+
+from style_core.errors import UsageError
+
+
+def table(folder, stem, name):
+    """Columns and rows of a table as a list of dict, read from the page ``prediction_<stem>.json``."""
+    path = folder / f'prediction_{stem}.json'
+    if not path.is_file():
+        raise UsageError(f'{path} is not there yet: run the other tables first')
+    found = json.loads(path.read_text())['tables'][name]
+    return [dict(zip(found['columns'], row)) for row in found['rows']]
+
+
+def row(rows, first):
+    """The row whose first cell is ``first``."""
+    return next(r for r in rows if next(iter(r.values())) == first)
+
+
+def bars(folder):
+    """Rows (goal, measured, met)."""
+    out = []
+
+    def add(goal, shown, met):
+        out.append([goal, shown, 'met' if met else 'MISSED'])
+
+    seed = row(table(folder, '1_seed', 'error_50_10'), 'ours')['mean of five']
+    strict = row(table(folder, '1_seed', 'error_50_9'), 'ours')['mean of five']
+    add('Paper\'s protocol, 50 channels, mean of five: E below 12', f'{seed:.1f} (without 02_02: {strict:.1f})', seed < 12)
+    unseen = table(folder, '4_unseen', 'error')
+    ours, near, paper = (row(unseen, m) for m in ('ours', '5 nearest histories', 'paper, J = 4'))
+    for weight in ('mean over people', 'mean over trials'):
+        ratio = ours[weight] / near[weight]
+        add(f'Unseen, {weight}: below half of nearest histories', f'{ours[weight]:.1f} / {near[weight]:.1f} = {ratio:.2f}',
+            ratio < 0.5)
+        ratio = ours[weight] / paper[weight]
+        add(f'Unseen, {weight}: below a fifth of the paper\'s method', f'{ours[weight]:.1f} / {paper[weight]:.1f} = {ratio:.2f}',
+            ratio < 0.2)
+    shares = row(table(folder, '4_unseen', 'shares'), 'ours')
+    better, worse = shares['% of trials better than nearest histories'], shares['% worse than zero velocity']
+    add('Unseen: more than 95 % of trials better than nearest histories', f'{better:.1f} %', better > 95)
+    add('Unseen: no trial worse than zero velocity', f'{worse:.1f} % ({shares["which"]})', worse == 0)
+    jumps = table(folder, '6_recovery', 'jumps')
+    history = next(r for r in jumps if r['what was wrong'] == 'wrong history' and r['method'] == 'ours')
+    back = history['back to 1.5 x, ms']
+    add('After a style jump within 0.5 s back to 1.5 times the steady error',
+        f'{back:.0f} ms; ratio over 0.5-1 s {history["ratio"]:.2f}', back <= 500)
+    for r in (r for r in jumps if r['method'] == 'ours'):
+        add(f'Lost in under 1 % of 2,700 trials ({r["what was wrong"]})', f'{r["lost, %"]:.2f} %', r['lost, %'] < 1)
+    limb = row(table(folder, '2_missing', 'limb'), 'ours, causal')
+    for name, goal in (('right leg', 2.5), ('upper body', 1.5)):
+        add(f'Missing limb, causal, {name}: at or below {goal} degrees', f'{limb[name]:.2f}', limb[name] <= goal)
+    cover = row(table(folder, '5_calibration', 'coverage_90'), 'unseen')
+    low, high = cover['lowest of 25 horizons'], cover['highest']
+    add('90 % bands cover 88-92 % at every horizon, unseen, pooled', f'{low:.1f} ... {high:.1f} %', 88 <= low and high <= 92)
+    subjects = [r['all horizons'] for r in table(folder, '5_calibration', 'by_subject')]
+    add('90 % bands cover 80-97 % for every subject', f'{min(subjects):.1f} ... {max(subjects):.1f} %',
+        80 <= min(subjects) and max(subjects) <= 97)
+    for action in ('walking', 'running', 'jumping'):
+        rows = table(folder, '7_cmu8', f'{action}_mpjpe')
+        published = np.array(list(row(rows, 'MSR-GCN (published)').values())[1:])
+        for variant in ('ours, own files', 'ours, more'):
+            ratio = np.array(list(row(rows, variant).values())[1:]) / published
+            add(f'CMU 8-action {action}, {variant}: at or below MSR-GCN from "320 ms" up, within 10 % below that',
+                'ratios ' + ' '.join(f'{r:.2f}' for r in ratio), (ratio[2:] <= 1).all() and (ratio[:2] <= 1.1).all())
+    return out
+
+
+def main(argv=None):
+    arguments = parser(__doc__).parse_args(argv)
+    report = page('bars', 'The prediction bench against the goals set for it', ())
+    rows = bars(arguments.output)
+    met = sum(r[2] == 'met' for r in rows)
+    report.text(f'{met} of {len(rows)} met. Goals that were missed stand with the best figure reached; '
+                '[what was tried](../../prediction_bench.md) says why.')
+    report.table('bars', ['goal', 'measured', ''], rows, 'Goals')
+    print(report.write(arguments.output or OUTPUT))
+
+
+if __name__ == '__main__':
+    main()
