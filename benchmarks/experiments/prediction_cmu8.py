@@ -5,7 +5,7 @@ Every window of 50 frames seen and 25 to predict (the files' 120 Hz halved to 60
 and the Euler-angle error, root left out, as the public code computes them.
 """
 import numpy as np
-from prediction_common import LOCOMOTION, page, parallel, parser
+from prediction_common import LOCOMOTION, page, parallel, parser, trained
 
 from style_core import datasets
 from style_core.baselines import NearestHistories, ZeroVelocity
@@ -84,8 +84,7 @@ def make(method, action, more):
     if method == '5 nearest histories':
         return NearestHistories(motions), columns
     from style_core.phase_style import make_predictor
-    from style_core.phase_style.training import train_full
-    return make_predictor(train_full(motions, joints=motions[0].joint_names), 'full'), columns
+    return make_predictor(trained(motions, action, motions[0].joint_names), 'full'), columns
 
 
 def score(method, action, more, seen=SEEN):

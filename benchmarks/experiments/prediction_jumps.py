@@ -4,7 +4,8 @@ As the paper: shown the first 60 frames of a jump, the next 30 are predicted and
 test and four of its nine training recordings are not here, so beside its own split every jump is also left out in turn.
 """
 import numpy as np
-from prediction_common import page, parallel, parser, paths, recording, recordings, rest_pose
+from prediction_common import (page, parallel, parser, paths, recording, recordings, rest_pose,
+                               trained)
 
 from style_core import datasets
 from style_core.baselines import NearestHistories, ZeroVelocity
@@ -36,11 +37,11 @@ def make(method, training):
     if method == '5 nearest histories':
         return NearestHistories(motions, ahead_s=0.0)
     from style_core.phase_style import make_predictor
-    from style_core.phase_style.training import train, train_full
+    from style_core.phase_style.training import train
     names = motions[0].joint_names
     if method == 'paper':
-        return make_predictor([train(motions, 'jump', False, names, min(6, len(motions) - 1))], 'paper')
-    return make_predictor(train_full(motions, joints=names, rhythmic=False), 'full')
+        return make_predictor([train(motions, 'jump', False, names, min(6, len(motions) - 1), residual=False)], 'paper')
+    return make_predictor(trained(motions, 'jump', names, rhythmic=False), 'full')
 
 
 def score(method, training, test):

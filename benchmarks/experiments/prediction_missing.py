@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 from prediction_common import (JOINED, LEFT_ARM, LEFT_LEG, SEED, SEED_TESTS, SEED_TRAINING, page, parallel, parser, paths,
-                               recording, run)
+                               recording, run, smoothed, trained)
 from prediction_seed import joined
 
 from style_core import datasets
@@ -129,16 +129,16 @@ def limb_training():
 
 def limb_run(limb, method, ever_seen):
     """Errors by frame (60-odd frames, channels), rad, of our causal filter or its smoother."""
-    from style_core.phase_style import make_predictor, smooth
-    from style_core.phase_style.training import train, train_full
+    from style_core.phase_style import make_predictor
+    from style_core.phase_style.training import train
     training, test = limb_training()
     observed = np.ones((test.n_frames, test.n_joints), dtype=bool)
     observed[LIMB_START + 1 if ever_seen else 0:, LIMBS[limb]] = False
     if method == 'smoothed':
-        filled = smooth(train_full(training, joints=test.joint_names), test, observed).mean
+        filled = smoothed(trained(training, 'limb', test.joint_names), test, observed).mean
     else:
-        model = [train(training, joints=test.joint_names, dimension=2)] if method == 'paper, J = 2' \
-            else train_full(training, joints=test.joint_names)
+        model = [train(training, joints=test.joint_names, dimension=2, residual=False)] if method == 'paper, J = 2' \
+            else trained(training, 'limb', test.joint_names)
         predictor = make_predictor(model, 'paper' if method == 'paper, J = 2' else 'full')
         filled = roll_out(predictor, test, [1 / 30], observed=observed).filtered
     wrong = folded(filled) - folded(test.positions)

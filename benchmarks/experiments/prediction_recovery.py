@@ -7,7 +7,7 @@ each. Phase errors are measured against the off-line smoothed phase and against 
 """
 import numpy as np
 from prediction_common import SEED, SUBJECTS, behaviour, full_model, others, own, page, parallel, parser, paths
-from prediction_common import predictor, recording, run
+from prediction_common import predictor, recording, run, smoothed
 
 from style_core import datasets
 from style_core.contacts import foot_contacts
@@ -25,9 +25,8 @@ TURN = 2 * np.pi
 
 def reference_phases(training, names):
     """Off-line smoothed phase of each trial by the model of ``training``, {name: (T,) rad}."""
-    from style_core.phase_style import smooth
     model = full_model(training)
-    return {name: smooth(model, recording(name)).phase for name in names}
+    return {name: smoothed(model, recording(name)).phase for name in names}
 
 
 def _phase_error(phase, reference):

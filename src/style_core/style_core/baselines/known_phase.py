@@ -3,6 +3,8 @@ import numpy as np
 
 from style_core.baselines.pose_keeper import PoseKeeper
 from style_core.baselines.regression import FadingLeastSquares
+from style_core.phase_style.kernel import Table
+from style_core.phase_style.table import tabulate
 
 __all__ = ['KnownPhase']
 
@@ -22,7 +24,7 @@ class KnownPhase(PoseKeeper):
 
     def __init__(self, behaviour, times, phases, forgetting=0.8):
         self._behaviour, self._forgetting = behaviour, forgetting
-        self._processes = behaviour.processes()
+        self._table = Table(tabulate(behaviour.processes(), behaviour.rhythmic))
         self._times, self._phases = np.asarray(times, dtype=float), np.asarray(phases, dtype=float)
         super().__init__(behaviour.joint_names, None)
 
@@ -36,7 +38,7 @@ class KnownPhase(PoseKeeper):
         mean_velocity = (track[-1] - track[0]) / (end - start)
         phase = np.interp(times, self._times, track)
         phase = phase + mean_velocity * (np.maximum(times - end, 0.0) + np.minimum(times - start, 0.0))
-        return np.stack([process.evaluate(phase)[0] for process in self._processes], axis=1)  # (N, J, D)
+        return np.stack([self._table.evaluate(at)[0] for at in phase])  # (N, J, D)
 
     def _take(self, elapsed, pose, observed):
         features = self._bases_at(np.array([self._time]))[0]

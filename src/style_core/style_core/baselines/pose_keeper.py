@@ -55,8 +55,10 @@ class PoseKeeper:
             raise ValueError('nothing was observed yet')
         horizons = np.asarray(horizons, dtype=float)
         mean = self._ahead(horizons)
-        step = 1e-3
-        velocity = (self._ahead(horizons + step) - mean) / step
+        if len(horizons) > 1:  # along the path predicted, as a second evaluation would cost as much as the first
+            velocity = np.gradient(mean, horizons, axis=0)
+        else:
+            velocity = (self._ahead(horizons + 1e-3) - mean) / 1e-3
         return Prediction(times=self._time + horizons, mean=mean, std=np.full(mean.shape, np.nan), velocity=velocity)
 
     def _take(self, elapsed, pose, observed):
