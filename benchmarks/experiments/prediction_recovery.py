@@ -1,12 +1,12 @@
 """Table 6: getting lost and finding back, and how right the phase is.
 
-Wrong histories: the predictor is shown half a second of one person and from one frame to the next another motion, at a
-random place of a person never seen: phase, speed and style are wrong at once while the filter believes itself on track.
-Wrong states: the state itself is overwritten with a random phase, speed and style of the training set. 2,700 trials of
-each. Phase errors are measured against the off-line smoothed phase and against foot contacts.
+Wrong starts: the predictor is shown half a second of another motion and, from one frame to the next, a recording of
+somebody never seen from a random place on, while it believes itself on track. With another person's motion phase,
+speed and style are wrong at once; with another place of the same recording it is the phase alone. 2,700 trials of each.
+Phase errors are measured against the off-line smoothed phase and against foot contacts.
 """
 import numpy as np
-from prediction_common import SEED, SUBJECTS, behaviour, full_model, others, own, page, parallel, parser, paths
+from prediction_common import SEED, SUBJECTS, full_model, others, own, page, parallel, parser, paths
 from prediction_common import predictor, recording, run, smoothed
 
 from style_core import datasets
@@ -59,17 +59,10 @@ def jumps(method, subject, kind, count, seed):
         start = int(rng.integers(BEFORE, motion.n_frames - 60 + 1))
         stop = min(start + AFTER, motion.n_frames)
         filter_.reset()
-        if kind == 'history':
-            other = recording(training[rng.integers(len(training))])
-            begin = int(rng.integers(0, other.n_frames - BEFORE + 1))
-            for frame in range(BEFORE):
-                filter_.update((start - BEFORE + frame) / 60, other.positions[begin + frame])
-        else:
-            for frame in range(start - BEFORE, start):
-                filter_.update(frame / 60, motion.positions[frame])
-            model = behaviour(training, 50, 4) if method != 'ours' else full_model(training)[0]
-            _, _, low, high = model.velocity
-            filter_.displace(rng.uniform(0, TURN), rng.uniform(low, high), model.styles[rng.integers(len(model.styles))])
+        other = motion if kind == 'place' else recording(training[rng.integers(len(training))])
+        begin = int(rng.integers(0, other.n_frames - BEFORE + 1))
+        for frame in range(BEFORE):
+            filter_.update((start - BEFORE + frame) / 60, other.positions[begin + frame])
         for frame in range(start, stop):
             estimate = filter_.update(frame / 60, motion.positions[frame])
             after = frame - start
@@ -124,7 +117,7 @@ def main(argv=None):
     report = page('6_recovery', 'Table 6: recovery, and the error of the phase', paths(everyone))
     walkers = [s for s in SUBJECTS if any(recording(n).n_frames >= BEFORE + 60 for n in own(s))]
     count = TRIALS // len(walkers)
-    kinds = {'history': 'wrong history', 'state': 'wrong state'}
+    kinds = {'person': 'another person', 'place': 'another place'}
     jobs = [(method, subject, kind, count, SEED + number) for kind in kinds for method in METHODS
             for number, subject in enumerate(walkers)]
     results = dict(zip(jobs, parallel(jumps, jobs, arguments.workers, 'Table 6')))
@@ -148,7 +141,7 @@ def main(argv=None):
                          float(np.nanmean(error[:, 30:60])), float(np.nanmean(steady[:, 30:60])),
                          float(np.nanmean(error[:, 30:60]) / np.nanmean(steady[:, 30:60])),
                          1e3 * float(back[0]) / 60 if len(back) else float('nan')])
-    report.table('jumps', ['what was wrong', 'method', 'lost, %', 'lock, median ms', 'lock, 95th percentile',
+    report.table('jumps', ['jump from', 'method', 'lost, %', 'lock, median ms', 'lock, 95th percentile',
                            'E, first 0.5 s', 'E, 0.5-1 s', 'undisturbed, 0.5-1 s', 'ratio', 'back to 1.5 x, ms'], rows,
                  'After a jump')
     rows = []
@@ -215,13 +208,13 @@ def _running(values, width):
 def _figure(curves):
     import matplotlib.pyplot as plt
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), sharey=True)
-    for ax, kind in zip(axes, ('history', 'state')):
+    for ax, kind in zip(axes, ('person', 'place')):
         for colour, method in zip(('0.4', '#c44e52'), METHODS):
             error, steady = curves[kind, method]
             ax.semilogy(np.arange(AFTER) / 60, error, color=colour, label=method)
             ax.semilogy(np.arange(AFTER) / 60, steady, '--', color=colour)
         ax.axvline(0.5, color='0.8', lw=0.8, zorder=0)
-        ax.set_title(f'wrong {kind}')
+        ax.set_title(f'from another {kind}')
         ax.set_xlabel('s after the jump')
         ax.spines[['top', 'right']].set_visible(False)
     axes[0].set_ylabel('E, degrees squared')
