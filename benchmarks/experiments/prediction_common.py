@@ -3,6 +3,7 @@ import argparse
 import hashlib
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import lru_cache, partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -15,6 +16,7 @@ from style_core.baselines import (ConstantVelocity, KnownPhase, LinearLeastSquar
                                   RadialBasisNetwork, ZeroVelocity)
 from style_core.evaluation import FRAMES_AHEAD, paper_horizons, roll_out
 from style_core.report import Report
+from style_core.stacking import Stacked, stacking_weights
 
 SEED = 20120
 #: Files of style_core.phase_style that a trained model depends on.
@@ -141,6 +143,39 @@ def full_predictor(training, channels=50, **options):
     return make_predictor(full_model(training, channels), 'full', **options)
 
 
+@lru_cache(maxsize=None)
+def stack(training, channels=50):
+    """Weights of nearest histories beside the full filter (see `style_core.stacking`), from the training set alone.
+
+    People are left out in turn (recordings, where there are fewer than four people, as the filter's own training does);
+    bases and histories come from the others, the residual model is that of the whole training set.
+    """
+    from style_core.phase_style import make_predictor
+    from style_core.phase_style.residual import FEWEST_PEOPLE
+    full, = full_model(training, channels)
+    people = [name.split('_')[0] for name in training]
+    labels = people if len(set(people)) >= FEWEST_PEOPLE else training
+    horizons = paper_horizons()
+    first, second = [], []
+    for left_out in sorted(set(labels)):
+        rest = tuple(name for name, label in zip(training, labels) if label != left_out)
+        bases = behaviour(rest, channels, min(full.style_dimension, len(rest)))
+        one = make_predictor([replace(bases, residual=full.residual, acceleration=full.acceleration,
+                                      velocity=full.velocity)], 'full')
+        two = NearestHistories(recordings(rest, channels))
+        for name in (name for name, label in zip(training, labels) if label == left_out):
+            for predictor_, errors in ((one, first), (two, second)):
+                rollout = roll_out(predictor_, recording(name, channels), horizons)
+                errors.append((rollout.mean - rollout.actual)[rollout.complete])
+    return (horizons, *stacking_weights(first, second, people))
+
+
+def stacked_predictor(training, channels=50):
+    """The full filter and nearest histories, stacked."""
+    return Stacked(full_predictor(training, channels), NearestHistories(recordings(training, channels)),
+                   *stack(training, channels))
+
+
 def paper_predictor(training, channels=50, dimension=4):
     """The paper's method with J styles."""
     from style_core.phase_style import make_predictor
@@ -165,6 +200,7 @@ METHODS = {
        for j in (1, 2, 4, 6)},
     'known phase, J = 4': lambda training, test, channels: known_phase(training, test, channels),
     'ours': lambda training, test, channels: full_predictor(training, channels),
+    'ours + nearest histories': lambda training, test, channels: stacked_predictor(training, channels),
 }
 
 

@@ -10,7 +10,7 @@ from prediction_common import (SHOWN_COLUMNS, SUBJECTS, others, own, page, paral
 from style_core import datasets
 from style_core.evaluation import error_deg2, rms_deg
 
-COMPARED = ('zero velocity', '5 nearest histories', 'paper, J = 4', 'ours')
+COMPARED = ('zero velocity', '5 nearest histories', 'paper, J = 4', 'ours', 'ours + nearest histories')
 STOPPING = ('131_01', '131_02', '131_09', '131_12')
 
 

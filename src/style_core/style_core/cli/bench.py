@@ -7,6 +7,7 @@ motion-style bench prediction --resume     only the tables that code or recordin
 Needs a checkout of the project (the tables are scripts under benchmarks/experiments) and the recordings (STYLE_MOCAP,
 or ../shared/mocap beside the checkout). Pages go to docs/results/prediction as Markdown, JSON and pictures.
 """
+import fcntl
 import hashlib
 import importlib
 import json
@@ -57,7 +58,18 @@ def run(args):
     output = args.output or root / 'docs' / 'results' / args.area
     sys.path.insert(0, str(root / 'benchmarks' / 'experiments'))
     state = _digest(root, args.area)
-    ledger_path = root / '.cache' / f'bench_{args.area}.json'
+    cache = root / '.cache'
+    cache.mkdir(exist_ok=True)
+    with open(cache / f'bench_{args.area}.lock', 'w') as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise UsageError(f'another {args.area} bench is running in this checkout; two would write the same pages') \
+                from None
+        _run(args, tables, chosen, state, cache / f'bench_{args.area}.json', output)
+
+
+def _run(args, tables, chosen, state, ledger_path, output):
     ledger = json.loads(ledger_path.read_text()) if ledger_path.is_file() else {}
     for name in chosen:
         script, what = tables[name]
@@ -70,7 +82,6 @@ def run(args):
         importlib.import_module(script).main(['-o', str(output), '--workers', str(args.workers)])
         print(f'table {name}: {time.perf_counter() - begin:.0f} s', flush=True)
         ledger[name] = [state, str(output)]
-        ledger_path.parent.mkdir(exist_ok=True)
         ledger_path.write_text(json.dumps(ledger, indent=1) + '\n')
 
 
