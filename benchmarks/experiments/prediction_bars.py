@@ -1,4 +1,5 @@
 """Summary of the prediction bench: the goals set for it, met or not, from the pages of the other tables."""
+
 import json
 
 import numpy as np
@@ -30,16 +31,26 @@ def bars(folder):
 
     seed = row(table(folder, '1_seed', 'error_50_10'), 'ours')['mean of five']
     strict = row(table(folder, '1_seed', 'error_50_9'), 'ours')['mean of five']
-    add('Paper\'s protocol, 50 channels, mean of five: E below 12', f'{seed:.1f} (without 02_02: {strict:.1f})', seed < 12)
+    add(
+        "Paper's protocol, 50 channels, mean of five: E below 12",
+        f'{seed:.1f} (without 02_02: {strict:.1f})',
+        seed < 12,
+    )
     unseen = table(folder, '4_unseen', 'error')
     ours, near, paper = (row(unseen, m) for m in ('ours', '5 nearest histories', 'paper, J = 4'))
     for weight in ('mean over people', 'mean over trials'):
         ratio = ours[weight] / near[weight]
-        add(f'Unseen, {weight}: below half of nearest histories', f'{ours[weight]:.1f} / {near[weight]:.1f} = {ratio:.2f}',
-            ratio < 0.5)
+        add(
+            f'Unseen, {weight}: below half of nearest histories',
+            f'{ours[weight]:.1f} / {near[weight]:.1f} = {ratio:.2f}',
+            ratio < 0.5,
+        )
         ratio = ours[weight] / paper[weight]
-        add(f'Unseen, {weight}: below a fifth of the paper\'s method', f'{ours[weight]:.1f} / {paper[weight]:.1f} = {ratio:.2f}',
-            ratio < 0.2)
+        add(
+            f"Unseen, {weight}: below a fifth of the paper's method",
+            f'{ours[weight]:.1f} / {paper[weight]:.1f} = {ratio:.2f}',
+            ratio < 0.2,
+        )
     shares = row(table(folder, '4_unseen', 'shares'), 'ours')
     better, worse = shares['% of trials better than nearest histories'], shares['% worse than zero velocity']
     add('Unseen: more than 95 % of trials better than nearest histories', f'{better:.1f} %', better > 95)
@@ -47,26 +58,41 @@ def bars(folder):
     jumps = table(folder, '6_recovery', 'jumps')
     history = next(r for r in jumps if r['jump from'] == 'another person' and r['method'] == 'ours')
     back = history['back to 1.5 x, ms']
-    add('After a style jump within 0.5 s back to 1.5 times the steady error',
-        f'{back:.0f} ms; ratio over 0.5-1 s {history["ratio"]:.2f}', back <= 500)
+    add(
+        'After a style jump within 0.5 s back to 1.5 times the steady error',
+        f'{back:.0f} ms; ratio over 0.5-1 s {history["ratio"]:.2f}',
+        back <= 500,
+    )
     for r in (r for r in jumps if r['method'] == 'ours'):
-        add(f'Lost in under 1 % of 2,700 trials (jump from {r["jump from"]})', f'{r["lost, %"]:.2f} %', r['lost, %'] < 1)
+        add(
+            f'Lost in under 1 % of 2,700 trials (jump from {r["jump from"]})', f'{r["lost, %"]:.2f} %', r['lost, %'] < 1
+        )
     limb = row(table(folder, '2_missing', 'limb'), 'ours, causal')
     for name, goal in (('right leg', 2.5), ('upper body', 1.5)):
         add(f'Missing limb, causal, {name}: at or below {goal} degrees', f'{limb[name]:.2f}', limb[name] <= goal)
     cover = row(table(folder, '5_calibration', 'coverage_90'), 'unseen')
     low, high = cover['lowest of 25 horizons'], cover['highest']
-    add('90 % bands cover 88-92 % at every horizon, unseen, pooled', f'{low:.1f} ... {high:.1f} %', 88 <= low and high <= 92)
+    add(
+        '90 % bands cover 88-92 % at every horizon, unseen, pooled',
+        f'{low:.1f} ... {high:.1f} %',
+        low >= 88 and high <= 92,
+    )
     subjects = [r['all horizons'] for r in table(folder, '5_calibration', 'by_subject')]
-    add('90 % bands cover 80-97 % for every subject', f'{min(subjects):.1f} ... {max(subjects):.1f} %',
-        80 <= min(subjects) and max(subjects) <= 97)
+    add(
+        '90 % bands cover 80-97 % for every subject',
+        f'{min(subjects):.1f} ... {max(subjects):.1f} %',
+        min(subjects) >= 80 and max(subjects) <= 97,
+    )
     for action in ('walking', 'running', 'jumping'):
         rows = table(folder, '7_cmu8', f'{action}_mpjpe')
         published = np.array(list(row(rows, 'MSR-GCN (published)').values())[1:])
         for variant in ('ours, own files', 'ours, more'):
             ratio = np.array(list(row(rows, variant).values())[1:]) / published
-            add(f'CMU 8-action {action}, {variant}: at or below MSR-GCN from "320 ms" up, within 10 % below that',
-                'ratios ' + ' '.join(f'{r:.2f}' for r in ratio), (ratio[2:] <= 1).all() and (ratio[:2] <= 1.1).all())
+            add(
+                f'CMU 8-action {action}, {variant}: at or below MSR-GCN from "320 ms" up, within 10 % below that',
+                'ratios ' + ' '.join(f'{r:.2f}' for r in ratio),
+                (ratio[2:] <= 1).all() and (ratio[:2] <= 1.1).all(),
+            )
     return out
 
 
@@ -75,8 +101,10 @@ def main(argv=None):
     report = page('bars', 'The prediction bench against the goals set for it', ())
     rows = bars(arguments.output)
     met = sum(r[2] == 'met' for r in rows)
-    report.text(f'{met} of {len(rows)} met. Goals that were missed stand with the best figure reached; '
-                '[what was tried](../../prediction_bench.md) says why.')
+    report.text(
+        f'{met} of {len(rows)} met. Goals that were missed stand with the best figure reached; '
+        '[what was tried](../../prediction_bench.md) says why.'
+    )
     report.table('bars', ['goal', 'measured', ''], rows, 'Goals')
     print(report.write(arguments.output or OUTPUT))
 

@@ -3,23 +3,46 @@
 Unseen: leave one subject out over all locomotion. Seen: other recordings of people in the training set (the tests of
 Table 1). Masked: the left leg hidden from half a second on; scored on the hidden channels alone.
 """
+
 import numpy as np
-from prediction_common import (LEFT_LEG, SEED_TESTS, SEED_TRAINING, SHOWN_COLUMNS, SUBJECTS, others, own, page, parallel,
-                               parser, paths, recording, run, shown)
+from prediction_common import (
+    LEFT_LEG,
+    SEED_TESTS,
+    SEED_TRAINING,
+    SHOWN_COLUMNS,
+    SUBJECTS,
+    others,
+    own,
+    page,
+    parallel,
+    parser,
+    paths,
+    recording,
+    run,
+    shown,
+)
 from scipy.special import ndtr, ndtri
 
 from style_core.evaluation import mask_out
 
 LEVELS = (0.5, 0.9)
-GROUPS = {'legs': ('femur', 'tibia', 'foot', 'toes'), 'trunk': ('lowerback', 'upperback', 'thorax'),
-          'neck and head': ('neck', 'head'), 'arms': ('clavicle', 'humerus', 'radius', 'wrist', 'hand')}
+GROUPS = {
+    'legs': ('femur', 'tibia', 'foot', 'toes'),
+    'trunk': ('lowerback', 'upperback', 'thorax'),
+    'neck and head': ('neck', 'head'),
+    'arms': ('clavicle', 'humerus', 'radius', 'wrist', 'hand'),
+}
 FIRST_HIDDEN = 30
 
 
 def group_index(joint_names):
     """Number of the group of each channel, shape (D,)."""
-    return np.array([next(index for index, parts in enumerate(GROUPS.values()) if any(part in name for part in parts))
-                     for name in joint_names])
+    return np.array(
+        [
+            next(index for index, parts in enumerate(GROUPS.values()) if any(part in name for part in parts))
+            for name in joint_names
+        ]
+    )
 
 
 def tally(kind, subject, method='ours'):
@@ -49,13 +72,19 @@ def _sums(rollout, counted, groups):
     z = np.abs(error) / rollout.std
     with np.errstate(invalid='ignore'):
         density = np.exp(-0.5 * z * z) / np.sqrt(2 * np.pi)
-        parts = {'n': np.ones(z.shape), 'square': np.degrees(error) ** 2, 'spread': np.degrees(rollout.std) ** 2,
-                 'log': -0.5 * z * z - np.log(rollout.std) - 0.5 * np.log(2 * np.pi),
-                 'crps': np.degrees(rollout.std * (z * (2 * ndtr(z) - 1) + 2 * density - 1 / np.sqrt(np.pi))),
-                 **{level: z <= ndtri(0.5 + 0.5 * level) for level in LEVELS}}
+        parts = {
+            'n': np.ones(z.shape),
+            'square': np.degrees(error) ** 2,
+            'spread': np.degrees(rollout.std) ** 2,
+            'log': -0.5 * z * z - np.log(rollout.std) - 0.5 * np.log(2 * np.pi),
+            'crps': np.degrees(rollout.std * (z * (2 * ndtr(z) - 1) + 2 * density - 1 / np.sqrt(np.pi))),
+            **{level: z <= ndtri(0.5 + 0.5 * level) for level in LEVELS},
+        }
+
     def by_group(values):
         per_channel = np.where(counted, values, 0.0).sum(axis=0)  # (H, D)
         return np.stack([per_channel[:, groups == index].sum(axis=1) for index in range(len(GROUPS))], axis=1)
+
     return {key: by_group(values) for key, values in parts.items()}
 
 
@@ -72,20 +101,42 @@ def main(argv=None):
     jobs = [(kind, subject) for kind in kinds for subject in SUBJECTS if kind.startswith('unseen') or _seen(subject)]
     tallies = dict(zip(jobs, parallel(tally, jobs, arguments.workers, 'Table 5')))
     by_kind = {kind: [tallies[job] for job in jobs if job[0] == kind] for kind in kinds}
-    report.text('Share of what happened that lay inside the band that should hold 50 % or 90 % of it. Pooled over all '
-                'trials, so long trials count more; by subject in the second table. Log score in nats a channel (of '
-                'the density per rad, higher is better), CRPS in degrees (lower is better).')
+    report.text(
+        'Share of what happened that lay inside the band that should hold 50 % or 90 % of it. Pooled over all '
+        'trials, so long trials count more; by subject in the second table. Log score in nats a channel (of '
+        'the density per rad, higher is better), CRPS in degrees (lower is better).'
+    )
     for level in LEVELS:
-        rows = [[kind, *(100 * np.array(shown(pooled(by_kind[kind], level, 1)))).tolist(),
-                 100 * float(np.min(pooled(by_kind[kind], level, 1))), 100 * float(np.max(pooled(by_kind[kind], level, 1)))]
-                for kind in kinds]
-        report.table(f'coverage_{100 * level:.0f}', ['who', *SHOWN_COLUMNS, 'lowest of 25 horizons', 'highest'], rows,
-                     f'Coverage of the {100 * level:.0f} % band, %')
-    rows = [[subject, *(100 * np.array(shown(pooled([tallies['unseen', subject]], 0.9, 1)))).tolist(),
-             100 * float(pooled([tallies['unseen', subject]], 0.9, None)),
-             100 * float(pooled([tallies['unseen', subject]], 0.5, None))] for subject in SUBJECTS]
-    report.table('by_subject', ['subject', *SHOWN_COLUMNS, 'all horizons', '50 % band, all horizons'], rows,
-                 'Coverage of the 90 % band by unseen subject, %')
+        rows = [
+            [
+                kind,
+                *(100 * np.array(shown(pooled(by_kind[kind], level, 1)))).tolist(),
+                100 * float(np.min(pooled(by_kind[kind], level, 1))),
+                100 * float(np.max(pooled(by_kind[kind], level, 1))),
+            ]
+            for kind in kinds
+        ]
+        report.table(
+            f'coverage_{100 * level:.0f}',
+            ['who', *SHOWN_COLUMNS, 'lowest of 25 horizons', 'highest'],
+            rows,
+            f'Coverage of the {100 * level:.0f} % band, %',
+        )
+    rows = [
+        [
+            subject,
+            *(100 * np.array(shown(pooled([tallies['unseen', subject]], 0.9, 1)))).tolist(),
+            100 * float(pooled([tallies['unseen', subject]], 0.9, None)),
+            100 * float(pooled([tallies['unseen', subject]], 0.5, None)),
+        ]
+        for subject in SUBJECTS
+    ]
+    report.table(
+        'by_subject',
+        ['subject', *SHOWN_COLUMNS, 'all horizons', '50 % band, all horizons'],
+        rows,
+        'Coverage of the 90 % band by unseen subject, %',
+    )
     rows = []
     for kind in kinds:
         total = {key: sum(t[key] for t in by_kind[kind]) for key in by_kind[kind][0]}
@@ -94,17 +145,26 @@ def main(argv=None):
                 rows.append([kind, group, *shown(100 * total[0.9][:, index] / total['n'][:, index])])
     report.table('by_group', ['who', 'channels', *SHOWN_COLUMNS], rows, 'Coverage of the 90 % band by channel group, %')
     for key, title in (('log', 'Log score, nats a channel'), ('crps', 'CRPS, degrees')):
-        report.table(key, ['who', *SHOWN_COLUMNS], [[kind, *shown(pooled(by_kind[kind], key, 1))] for kind in kinds], title)
-    rows = [[kind, *shown(np.sqrt(pooled(by_kind[kind], 'square', 1))), *shown(np.sqrt(pooled(by_kind[kind], 'spread', 1)))]
-            for kind in kinds]
-    report.table('spread', ['who', *(f'error {c}' for c in SHOWN_COLUMNS), *(f'std {c}' for c in SHOWN_COLUMNS)], rows,
-                 'RMS error and RMS predicted standard deviation, degrees')
+        report.table(
+            key, ['who', *SHOWN_COLUMNS], [[kind, *shown(pooled(by_kind[kind], key, 1))] for kind in kinds], title
+        )
+    rows = [
+        [kind, *shown(np.sqrt(pooled(by_kind[kind], 'square', 1))), *shown(np.sqrt(pooled(by_kind[kind], 'spread', 1)))]
+        for kind in kinds
+    ]
+    report.table(
+        'spread',
+        ['who', *(f'error {c}' for c in SHOWN_COLUMNS), *(f'std {c}' for c in SHOWN_COLUMNS)],
+        rows,
+        'RMS error and RMS predicted standard deviation, degrees',
+    )
     report.figure(_figure(tallies, by_kind), 'coverage', 'Coverage of the 90 % band by horizon. Grey: 88-92 %.')
     print(report.write(arguments.output))
 
 
 def _figure(tallies, by_kind):
     import matplotlib.pyplot as plt
+
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), sharey=True)
     frames = np.arange(1, 26) * 1000 / 60
     for kind, some in by_kind.items():

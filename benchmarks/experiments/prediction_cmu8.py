@@ -4,6 +4,7 @@ Every window of 50 frames seen and 25 to predict (the files' 120 Hz halved to 60
 25 fps: its "1000 ms" are 417 real ms), and the eight windows that the public code draws. MPJPE over 38 joints in mm
 and the Euler-angle error, root left out, as the public code computes them.
 """
+
 import numpy as np
 from prediction_common import LOCOMOTION, page, parallel, parser, trained
 
@@ -17,26 +18,55 @@ CALLED_MS = (80, 160, 320, 400, 560, 1000)
 COLUMNS = [f'"{ms}" ({1000 * frame / 60:.0f} ms)' for ms, frame in zip(CALLED_MS, FRAMES)]
 SEEN = 50
 #: MPJPE in mm that Dang et al. (MSR-GCN, ICCV 2021) print for all windows.
-PUBLISHED = {'walking': (6.4, 10.3, 16.9, 20.1, 25.5, 36.8), 'running': (13.2, 20.9, 29.9, 33.4, 38.3, 43.6),
-             'jumping': (15.2, 28.9, 56.0, 69.1, 92.4, 126.2)}
+PUBLISHED = {
+    'walking': (6.4, 10.3, 16.9, 20.1, 25.5, 36.8),
+    'running': (13.2, 20.9, 29.9, 33.4, 38.3, 43.6),
+    'jumping': (15.2, 28.9, 56.0, 69.1, 92.4, 126.2),
+}
 #: Whose recordings the test files are; nothing of them goes into training beside the benchmark's own files.
 TEST_SUBJECT = {'walking': '35', 'running': '16', 'jumping': None}
 #: Joint of the benchmark's skeleton that each Acclaim bone turns.
-JOINT_OF_BONE = {'lfemur': 2, 'ltibia': 3, 'lfoot': 4, 'ltoes': 5, 'rfemur': 8, 'rtibia': 9, 'rfoot': 10, 'rtoes': 11,
-                 'lowerback': 13, 'upperback': 14, 'thorax': 15, 'lowerneck': 16, 'upperneck': 17, 'head': 18,
-                 'lhumerus': 21, 'lradius': 22, 'lwrist': 23, 'lhand': 24, 'lthumb': 27,
-                 'rhumerus': 30, 'rradius': 31, 'rwrist': 32, 'rhand': 33, 'rthumb': 36}
+JOINT_OF_BONE = {
+    'lfemur': 2,
+    'ltibia': 3,
+    'lfoot': 4,
+    'ltoes': 5,
+    'rfemur': 8,
+    'rtibia': 9,
+    'rfoot': 10,
+    'rtoes': 11,
+    'lowerback': 13,
+    'upperback': 14,
+    'thorax': 15,
+    'lowerneck': 16,
+    'upperneck': 17,
+    'head': 18,
+    'lhumerus': 21,
+    'lradius': 22,
+    'lwrist': 23,
+    'lhand': 24,
+    'lthumb': 27,
+    'rhumerus': 30,
+    'rradius': 31,
+    'rwrist': 32,
+    'rhand': 33,
+    'rthumb': 36,
+}
 
 
 def benchmark(split, action, offsets=(0,)):
     """The benchmark's files at 60 Hz; ``offsets`` 0 and 1 take the frames in between as well."""
-    return [(f'{name}.{offset}' if offset else name, rows[offset::2] if offset == 0 else rows[1 + offset::2])
-            for name, rows in datasets.cmu8(split, action) for offset in offsets]
+    return [
+        (f'{name}.{offset}' if offset else name, rows[offset::2] if offset == 0 else rows[1 + offset :: 2])
+        for name, rows in datasets.cmu8(split, action)
+        for offset in offsets
+    ]
 
 
 def converted(name):
     """A trial as rows of the benchmark: exponential maps of the inverse local rotations, 60 Hz."""
     from scipy.spatial.transform import Rotation
+
     motion, skeleton = datasets.trial(name), datasets.skeleton(name)
     column = {channel: index for index, channel in enumerate(motion.joint_names)}
     rows = np.zeros((motion.n_frames, 3 + 3 * N_JOINTS))
@@ -48,7 +78,7 @@ def converted(name):
             angle = channel.scale * motion.positions[:, column[channel.name]] + channel.offset
             turn = turn * Rotation.from_rotvec(np.outer(angle, channel.axis))
         joint = JOINT_OF_BONE[body.name]
-        rows[:, 3 + 3 * joint:6 + 3 * joint] = (turn * Rotation.from_matrix(body.after)).inv().as_rotvec()
+        rows[:, 3 + 3 * joint : 6 + 3 * joint] = (turn * Rotation.from_matrix(body.after)).inv().as_rotvec()
     return rows
 
 
@@ -58,19 +88,24 @@ def used_columns(rows):
     varying[:3] = False
     for joint in STILL:
         if joint in (0,):
-            varying[3 + 3 * joint:6 + 3 * joint] = False
+            varying[3 + 3 * joint : 6 + 3 * joint] = False
     return np.flatnonzero(varying)
 
 
 def training(action, more):
     """Training motions: the benchmark's own files, or also other people's trials of the same gait."""
-    files = [(name, rows[1:]) for name, rows in benchmark('train', action)] \
-        + [(f'{name}.odd', rows[1:]) for name, rows in benchmark('train', action, offsets=(1,))]
+    files = [(name, rows[1:]) for name, rows in benchmark('train', action)] + [
+        (f'{name}.odd', rows[1:]) for name, rows in benchmark('train', action, offsets=(1,))
+    ]
     if more:
         kinds = {'walking': LOCOMOTION[:2], 'running': LOCOMOTION[2:], 'jumping': ('jump',)}[action]
-        files += [(name, converted(name)) for name in datasets.trials(kinds)
-                  if not name.startswith(f'{TEST_SUBJECT[action]}_') and not name.startswith('13_')
-                  and 'cmu_30hz' not in str(datasets.trial_path(name))]
+        files += [
+            (name, converted(name))
+            for name in datasets.trials(kinds)
+            if not name.startswith(f'{TEST_SUBJECT[action]}_')
+            and not name.startswith('13_')
+            and 'cmu_30hz' not in str(datasets.trial_path(name))
+        ]
     columns = used_columns(np.concatenate([rows for name, rows in files if name.startswith(action)]))
     names = tuple(f'joint{(c - 3) // 3}.{"xyz"[(c - 3) % 3]}' for c in columns)
     return [Motion(names, rows[:, columns], np.arange(len(rows)) / 60, name=name) for name, rows in files], columns
@@ -84,13 +119,14 @@ def make(method, action, more):
     if method == '5 nearest histories':
         return NearestHistories(motions), columns
     from style_core.phase_style import make_predictor
+
     return make_predictor(trained(motions, action, motions[0].joint_names), 'full'), columns
 
 
 def score(method, action, more, seen=SEEN):
     """Errors of every window: MPJPE and Euler error, each (windows, 6 horizons); and the drawn eight."""
     predictor, columns = make(method, action, more)
-    (_, rows), = benchmark('test', action)
+    ((_, rows),) = benchmark('test', action)
     n_windows = len(rows) - SEEN - 25
     actual = cmu8_forward(rows)
     position_error, angle_error = np.empty((n_windows, 6)), np.empty((n_windows, 6))
@@ -112,46 +148,78 @@ def main(argv=None):
     arguments = parser(__doc__).parse_args(argv)
     folder = datasets.mocap_folder() / 'cmu8'
     report = page('7_cmu8', 'Table 7: the CMU 8-action benchmark', sorted(folder.glob('*/*/*.txt')))
-    report.text('The files are 120 Hz; every second frame is used and called 25 fps in the literature, so what it '
-                'calls 80 ... 1000 ms is 33 ... 417 ms of real time. "Own files": trained on the benchmark\'s five '
-                'training files of the action. "More": also on other people\'s recordings of the same gait, brought into '
-                'the benchmark\'s form; never on the person of the test file (walking: subject 35, running: subject 16). '
-                'MSR-GCN is trained on all eight actions of the benchmark and sees ten frames; the others here see 50 '
-                'frames unless stated, as the windows of the protocol hold.')
-    variants = [('zero velocity', False, 50), ('5 nearest histories', False, 50), ('5 nearest histories', True, 50),
-                ('ours', False, 50), ('ours', True, 50), ('ours', True, 10)]
-    jobs = [(method, action, more, seen) for action in ('jumping', 'walking', 'running') for method, more, seen in variants]
+    report.text(
+        'The files are 120 Hz; every second frame is used and called 25 fps in the literature, so what it '
+        'calls 80 ... 1000 ms is 33 ... 417 ms of real time. "Own files": trained on the benchmark\'s five '
+        'training files of the action. "More": also on other people\'s recordings of the same gait, brought into '
+        "the benchmark's form; never on the person of the test file (walking: subject 35, running: subject 16). "
+        'MSR-GCN is trained on all eight actions of the benchmark and sees ten frames; the others here see 50 '
+        'frames unless stated, as the windows of the protocol hold.'
+    )
+    variants = [
+        ('zero velocity', False, 50),
+        ('5 nearest histories', False, 50),
+        ('5 nearest histories', True, 50),
+        ('ours', False, 50),
+        ('ours', True, 50),
+        ('ours', True, 10),
+    ]
+    jobs = [
+        (method, action, more, seen) for action in ('jumping', 'walking', 'running') for method, more, seen in variants
+    ]
     results = dict(zip(jobs, parallel(score, jobs, arguments.workers, 'Table 7')))
     for action in ('walking', 'running', 'jumping'):
         mine = [(job, results[job]) for job in jobs if job[1] == action]
         n_windows = len(mine[0][1][0])
+
         def label(job):
             own = '' if job[0] == 'zero velocity' else ', more' if job[2] else ', own files'
             return f'{job[0]}{own}{"" if job[3] == SEEN else f", {job[3]} frames seen"}'
+
         rows = [['MSR-GCN (published)', *PUBLISHED[action]]]
         rows += [[label(job), *result[0].mean(axis=0).tolist()] for job, result in mine]
         report.table(f'{action}_mpjpe', ['method', *COLUMNS], rows, f'{action}: MPJPE in mm, all {n_windows} windows')
         rows = [[label(job), *result[0].std(axis=0).tolist()] for job, result in mine]
-        report.table(f'{action}_spread', ['method', *COLUMNS], rows, f'{action}: standard deviation of the MPJPE over '
-                     f'the {n_windows} windows (they overlap)')
+        report.table(
+            f'{action}_spread',
+            ['method', *COLUMNS],
+            rows,
+            f'{action}: standard deviation of the MPJPE over the {n_windows} windows (they overlap)',
+        )
         rows = [[label(job), *result[0][result[2]].mean(axis=0).tolist()] for job, result in mine]
-        report.table(f'{action}_eight_mpjpe', ['method', *COLUMNS], rows, f'{action}: MPJPE in mm, the eight windows '
-                     f'that the public code draws (starts {", ".join(map(str, mine[0][1][2]))})')
-        rows = [[label(job), *result[1].mean(axis=0).tolist(), *result[1][result[2]].mean(axis=0).tolist()]
-                for job, result in mine]
-        report.table(f'{action}_euler', ['method', *COLUMNS, *(f'eight {c}' for c in CALLED_MS)], rows,
-                     f'{action}: Euler-angle error, rad, all windows and the eight')
+        report.table(
+            f'{action}_eight_mpjpe',
+            ['method', *COLUMNS],
+            rows,
+            f'{action}: MPJPE in mm, the eight windows '
+            f'that the public code draws (starts {", ".join(map(str, mine[0][1][2]))})',
+        )
+        rows = [
+            [label(job), *result[1].mean(axis=0).tolist(), *result[1][result[2]].mean(axis=0).tolist()]
+            for job, result in mine
+        ]
+        report.table(
+            f'{action}_euler',
+            ['method', *COLUMNS, *(f'eight {c}' for c in CALLED_MS)],
+            rows,
+            f'{action}: Euler-angle error, rad, all windows and the eight',
+        )
     report.figure(_figure(results, jobs), 'mpjpe', 'MPJPE over the horizon, all windows')
     print(report.write(arguments.output))
 
 
 def _figure(results, jobs):
     import matplotlib.pyplot as plt
+
     figure, axes = plt.subplots(1, 3, figsize=(13, 4))
     for ax, action in zip(axes, ('walking', 'running', 'jumping')):
         ms = 1000 * FRAMES / 60
         ax.plot(ms, PUBLISHED[action], 'k--', label='MSR-GCN (published)')
-        for method, more, style in (('zero velocity', False, ':'), ('5 nearest histories', True, '-.'), ('ours', True, '-')):
+        for method, more, style in (
+            ('zero velocity', False, ':'),
+            ('5 nearest histories', True, '-.'),
+            ('ours', True, '-'),
+        ):
             ax.plot(ms, results[method, action, more, SEEN][0].mean(axis=0), style, label=method)
         ax.set_title(action)
         ax.set_xlabel('real ms ahead')

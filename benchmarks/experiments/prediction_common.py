@@ -1,10 +1,11 @@
 """What the tables of the prediction bench share: recordings, methods by name, rollouts, pages."""
+
 import argparse
 import hashlib
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -12,15 +13,31 @@ import numpy as np
 from tqdm import tqdm
 
 from style_core import datasets
-from style_core.baselines import (ConstantVelocity, KnownPhase, LinearLeastSquares, NearestHistories, ParticleFilter,
-                                  RadialBasisNetwork, ZeroVelocity)
+from style_core.baselines import (
+    ConstantVelocity,
+    KnownPhase,
+    LinearLeastSquares,
+    NearestHistories,
+    ParticleFilter,
+    RadialBasisNetwork,
+    ZeroVelocity,
+)
 from style_core.evaluation import FRAMES_AHEAD, paper_horizons, roll_out
 from style_core.report import Report
 from style_core.stacking import Stacked, stacking_weights
 
 SEED = 20120
 #: Files of style_core.phase_style that a trained model depends on.
-LEARNING = ('training.py', 'learning.py', 'residual.py', 'full.py', 'table.py', 'gaussian_process.py', 'model.py', 'kernel.pyx')
+LEARNING = (
+    'training.py',
+    'learning.py',
+    'residual.py',
+    'full.py',
+    'table.py',
+    'gaussian_process.py',
+    'model.py',
+    'kernel.pyx',
+)
 ROOT = Path(__file__).resolve().parents[2]
 OUTPUT = ROOT / 'docs' / 'results' / 'prediction'
 MODELS = ROOT / '.cache' / 'bench_models'
@@ -40,7 +57,7 @@ LEFT_ARM = ('lradius.*', 'lwrist.*', 'lhand.*')
 LEFT_LEG = ('lfemur.*', 'ltibia.*', 'lfoot.*', 'ltoes.*')
 
 
-@lru_cache(maxsize=None)
+@cache
 def recording(name, channels=50):
     """A trial at 60 Hz with 50 body or all 56 joint channels."""
     return datasets.trial(name).select(*CHANNELS[channels])
@@ -73,16 +90,17 @@ def rest_pose(training):
 
 # ------------------------------------------------------------------------------------------------- methods
 
-@lru_cache(maxsize=None)
+
+@cache
 def behaviour(training, channels=50, dimension=None):
     """The paper's model of the trials ``training`` (a tuple of names)."""
     from style_core.phase_style.training import train
+
     motions = recordings(training, channels)
-    return train(motions, name='locomotion', joints=motions[0].joint_names, dimension=dimension,
-                 residual=False)
+    return train(motions, name='locomotion', joints=motions[0].joint_names, dimension=dimension, residual=False)
 
 
-@lru_cache(maxsize=None)
+@cache
 def full_model(training, channels=50):
     """Behaviours of the full filter for the trials ``training``."""
     motions = recordings(training, channels)
@@ -96,6 +114,7 @@ def trained(motions, name, joints, rhythmic=True):
     """
     from style_core import phase_style
     from style_core.phase_style.training import train
+
     digest = hashlib.sha256(f'{name} {rhythmic} {sorted(joints)}'.encode())
     package = Path(phase_style.__file__).parent
     for path in [package.parent / 'alignment.py', *(package / file for file in LEARNING)]:
@@ -118,6 +137,7 @@ def smoothed(behaviours, motion, observed=None):
     """
     from style_core.phase_style import make_predictor
     from style_core.phase_style.smoother import smooth_piece
+
     first = behaviours[0]
     rollout = roll_out(make_predictor([first], 'full', without=('still',)), motion, [1 / 60], observed=observed)
     y = np.where(rollout.observed, rollout.present, np.nan)
@@ -133,17 +153,19 @@ def smoothed(behaviours, motion, observed=None):
 
 def known_phase(training, test, channels):
     """The ideal: it is told the phase of the off-line smoother over the whole test recording."""
-    return KnownPhase(behaviour(training, channels, 4), test.times,
-                      smoothed(full_model(training, channels), test).phase)
+    return KnownPhase(
+        behaviour(training, channels, 4), test.times, smoothed(full_model(training, channels), test).phase
+    )
 
 
 def full_predictor(training, channels=50, **options):
     """The full filter."""
     from style_core.phase_style import make_predictor
+
     return make_predictor(full_model(training, channels), 'full', **options)
 
 
-@lru_cache(maxsize=None)
+@cache
 def stack(training, channels=50):
     """Weights of nearest histories beside the full filter (see `style_core.stacking`), from the training set alone.
 
@@ -152,7 +174,8 @@ def stack(training, channels=50):
     """
     from style_core.phase_style import make_predictor
     from style_core.phase_style.residual import FEWEST_PEOPLE
-    full, = full_model(training, channels)
+
+    (full,) = full_model(training, channels)
     people = [name.split('_')[0] for name in training]
     labels = people if len(set(people)) >= FEWEST_PEOPLE else training
     horizons = paper_horizons()
@@ -160,8 +183,9 @@ def stack(training, channels=50):
     for left_out in sorted(set(labels)):
         rest = tuple(name for name, label in zip(training, labels) if label != left_out)
         bases = behaviour(rest, channels, min(full.style_dimension, len(rest)))
-        one = make_predictor([replace(bases, residual=full.residual, acceleration=full.acceleration,
-                                      velocity=full.velocity)], 'full')
+        one = make_predictor(
+            [replace(bases, residual=full.residual, acceleration=full.acceleration, velocity=full.velocity)], 'full'
+        )
         two = NearestHistories(recordings(rest, channels))
         for name in (name for name, label in zip(training, labels) if label == left_out):
             for predictor_, errors in ((one, first), (two, second)):
@@ -172,32 +196,41 @@ def stack(training, channels=50):
 
 def stacked_predictor(training, channels=50):
     """The full filter and nearest histories, stacked."""
-    return Stacked(full_predictor(training, channels), NearestHistories(recordings(training, channels)),
-                   *stack(training, channels))
+    return Stacked(
+        full_predictor(training, channels), NearestHistories(recordings(training, channels)), *stack(training, channels)
+    )
 
 
 def paper_predictor(training, channels=50, dimension=4):
     """The paper's method with J styles."""
     from style_core.phase_style import make_predictor
+
     return make_predictor([behaviour(training, channels, dimension)], 'paper')
 
 
 #: Every method of the bench: label -> function(training names, test Motion, channels) -> OnlinePredictor.
 METHODS = {
-    'zero velocity': lambda training, test, channels:
-        ZeroVelocity(test.joint_names, rest_pose(recordings(training, channels))),
-    'constant velocity': lambda training, test, channels:
-        ConstantVelocity(test.joint_names, rest_pose(recordings(training, channels))),
-    'recursive least squares': lambda training, test, channels:
-        LinearLeastSquares(test.joint_names, rest_pose(recordings(training, channels))),
+    'zero velocity': lambda training, test, channels: ZeroVelocity(
+        test.joint_names, rest_pose(recordings(training, channels))
+    ),
+    'constant velocity': lambda training, test, channels: ConstantVelocity(
+        test.joint_names, rest_pose(recordings(training, channels))
+    ),
+    'recursive least squares': lambda training, test, channels: LinearLeastSquares(
+        test.joint_names, rest_pose(recordings(training, channels))
+    ),
     'RBF on 3 PCs, 1000 bases': lambda training, test, channels: RadialBasisNetwork([test]),
     '5 nearest histories': lambda training, test, channels: NearestHistories(recordings(training, channels)),
-    'particle filter, 10^3': lambda training, test, channels:
-        ParticleFilter(behaviour(training, channels, 4), 1000, seed=SEED),
-    'particle filter, 10^5': lambda training, test, channels:
-        ParticleFilter(behaviour(training, channels, 4), 100000, seed=SEED),
-    **{f'paper, J = {j}': (lambda training, test, channels, j=j: paper_predictor(training, channels, j))
-       for j in (1, 2, 4, 6)},
+    'particle filter, 10^3': lambda training, test, channels: ParticleFilter(
+        behaviour(training, channels, 4), 1000, seed=SEED
+    ),
+    'particle filter, 10^5': lambda training, test, channels: ParticleFilter(
+        behaviour(training, channels, 4), 100000, seed=SEED
+    ),
+    **{
+        f'paper, J = {j}': (lambda training, test, channels, j=j: paper_predictor(training, channels, j))
+        for j in (1, 2, 4, 6)
+    },
     'known phase, J = 4': lambda training, test, channels: known_phase(training, test, channels),
     'ours': lambda training, test, channels: full_predictor(training, channels),
     'ours + nearest histories': lambda training, test, channels: stacked_predictor(training, channels),
@@ -216,8 +249,10 @@ def run(method, training, test, channels=50, observed=None):
 
 # --------------------------------------------------------------------------------------------------- running
 
+
 def _single_threaded():
     from threadpoolctl import threadpool_limits
+
     threadpool_limits(1)
 
 

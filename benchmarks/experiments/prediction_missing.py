@@ -3,11 +3,26 @@
 The paper's three cases on its own protocol, random sensors, bursts, half the sensors, all but two; and the public
 missing-limb benchmark (subject 35, right leg or upper body unseen from frame 63 on) on its exact features.
 """
-from functools import lru_cache
+
+from functools import cache
 
 import numpy as np
-from prediction_common import (JOINED, LEFT_ARM, LEFT_LEG, SEED, SEED_TESTS, SEED_TRAINING, page, parallel, parser, paths,
-                               recording, run, smoothed, trained)
+from prediction_common import (
+    JOINED,
+    LEFT_ARM,
+    LEFT_LEG,
+    SEED,
+    SEED_TESTS,
+    SEED_TRAINING,
+    page,
+    parallel,
+    parser,
+    paths,
+    recording,
+    run,
+    smoothed,
+    trained,
+)
 from prediction_seed import joined
 
 from style_core import datasets
@@ -52,8 +67,10 @@ def case(method, what):
     sequence, _ = joined()
     observed = CASES[what](sequence.joint_names, sequence.n_frames, SEED)
     rollout = run(method, SEED_TRAINING, sequence, observed=observed)
+
     def mean(values):
         return float(np.mean(values)) if values else float('nan')
+
     return mean(errors), mean(hidden), float(np.sqrt(mean(filled))), error_deg2(rollout.mean, rollout.actual)
 
 
@@ -65,15 +82,44 @@ LIMB_TEST = '35_29'
 #: First row (of those left after taking differences) without the limb.
 LIMB_START = 62
 #: Order of the bones in the benchmark's features; clavicles and fingers are left out there.
-LIMB_BONES = ('lfemur', 'ltibia', 'lfoot', 'ltoes', 'rfemur', 'rtibia', 'rfoot', 'rtoes', 'lowerback', 'upperback',
-              'thorax', 'lowerneck', 'upperneck', 'head', 'lhumerus', 'lradius', 'lwrist', 'lhand', 'lthumb',
-              'rhumerus', 'rradius', 'rwrist', 'rhand', 'rthumb')
+LIMB_BONES = (
+    'lfemur',
+    'ltibia',
+    'lfoot',
+    'ltoes',
+    'rfemur',
+    'rtibia',
+    'rfoot',
+    'rtoes',
+    'lowerback',
+    'upperback',
+    'thorax',
+    'lowerneck',
+    'upperneck',
+    'head',
+    'lhumerus',
+    'lradius',
+    'lwrist',
+    'lhand',
+    'lthumb',
+    'rhumerus',
+    'rradius',
+    'rwrist',
+    'rhand',
+    'rthumb',
+)
 LIMBS = {'right leg': slice(7, 14), 'upper body': slice(20, 50)}
-PUBLISHED = (('nearest neighbour', 4.11, 3.20), ('nearest neighbour, scaled', 4.44, 2.62), ('GPLVM, q = 3', 3.40, 2.49),
-             ('GPLVM, q = 4', 3.38, 2.72), ('VGPDS, Matern (off line)', 2.94, 2.24), ('VGPDS, RBF (off line)', 3.28, 1.90))
+PUBLISHED = (
+    ('nearest neighbour', 4.11, 3.20),
+    ('nearest neighbour, scaled', 4.44, 2.62),
+    ('GPLVM, q = 3', 3.40, 2.49),
+    ('GPLVM, q = 4', 3.38, 2.72),
+    ('VGPDS, Matern (off line)', 2.94, 2.24),
+    ('VGPDS, RBF (off line)', 3.28, 1.90),
+)
 
 
-@lru_cache(maxsize=None)
+@cache
 def raw_30hz(name):
     """The recording as it stands in the file, every fourth frame of 120 Hz."""
     row = next(row for row in datasets.labels() if row.name == name)
@@ -118,7 +164,7 @@ def nearest_neighbour(limb, scaled):
     return float(np.degrees(np.sqrt(np.mean((test - found)[:, missing] ** 2))))
 
 
-@lru_cache(maxsize=None)
+@cache
 def limb_training():
     """Training motions at 60 Hz on the benchmark's channels; the test at the benchmark's 30 Hz."""
     channels = limb_channels(raw_30hz(LIMB_TEST).joint_names)
@@ -131,28 +177,37 @@ def limb_run(limb, method, ever_seen):
     """Errors by frame (60-odd frames, channels), rad, of our causal filter or its smoother."""
     from style_core.phase_style import make_predictor
     from style_core.phase_style.training import train
+
     training, test = limb_training()
     observed = np.ones((test.n_frames, test.n_joints), dtype=bool)
-    observed[LIMB_START + 1 if ever_seen else 0:, LIMBS[limb]] = False
+    observed[LIMB_START + 1 if ever_seen else 0 :, LIMBS[limb]] = False
     if method == 'smoothed':
         filled = smoothed(trained(training, 'limb', test.joint_names), test, observed).mean
     else:
-        model = [train(training, joints=test.joint_names, dimension=2, residual=False)] if method == 'paper, J = 2' \
+        model = (
+            [train(training, joints=test.joint_names, dimension=2, residual=False)]
+            if method == 'paper, J = 2'
             else trained(training, 'limb', test.joint_names)
+        )
         predictor = make_predictor(model, 'paper' if method == 'paper, J = 2' else 'full')
         filled = roll_out(predictor, test, [1 / 30], observed=observed).filtered
     wrong = folded(filled) - folded(test.positions)
-    return wrong[LIMB_START + 1:, LIMBS[limb]]
+    return wrong[LIMB_START + 1 :, LIMBS[limb]]
 
 
 def main(argv=None):
     arguments = parser(__doc__).parse_args(argv)
-    report = page('2_missing', 'Table 2: missing sensors',
-                  paths(sorted(set(SEED_TRAINING + SEED_TESTS + JOINED + LIMB_TRAINING + (LIMB_TEST,)))))
+    report = page(
+        '2_missing',
+        'Table 2: missing sensors',
+        paths(sorted(set(SEED_TRAINING + SEED_TESTS + JOINED + LIMB_TRAINING + (LIMB_TEST,)))),
+    )
     jobs = [(method, what) for method in METHODS for what in CASES]
     results = dict(zip(jobs, parallel(case, jobs, arguments.workers, 'Table 2')))
-    report.text(f'Trained and tested as Table 1, 50 channels. Random cases: mean of {DRAWS} draws for each test. The arm has '
-                'four of the paper\'s seven channels, as finger and thumb are not among the 50.')
+    report.text(
+        f'Trained and tested as Table 1, 50 channels. Random cases: mean of {DRAWS} draws for each test. The arm has '
+        "four of the paper's seven channels, as finger and thumb are not among the 50."
+    )
     rows = []
     for what in CASES:
         row = [what]
@@ -160,36 +215,67 @@ def main(argv=None):
             error, hidden, filled, on_joined = results[method, what]
             row += [error, 100 * (error / results[method, 'nothing'][0] - 1), hidden, filled, on_joined]
         rows.append(row)
-    report.table('cases', ['missing', *(f'{m}: {c}' for m in METHODS for c in
-                           ('E', 'change, %', 'E of the missing', 'filled in, RMS degrees', 'E, joined'))], rows,
-                 'E of all channels over the next 25 frames, degrees squared')
-    report.text('**Missing limb, subject 35** (31 training sequences at 30 Hz, test 35_29; RMS degrees over the missing '
-                'channels of the 62 frames from frame 63 on, angles folded by asin(sin)). Nearest neighbour is computed '
-                'here and equals the published figure to all its digits, which shows that features, frames and '
-                'training list are the same. Ours is trained on the joint angles alone and does not see the root.')
-    limb_jobs = [(limb, method, seen) for method in ('causal', 'smoothed', 'paper, J = 2') for seen in (True, False)
-                 for limb in LIMBS]
+    report.table(
+        'cases',
+        [
+            'missing',
+            *(
+                f'{m}: {c}'
+                for m in METHODS
+                for c in ('E', 'change, %', 'E of the missing', 'filled in, RMS degrees', 'E, joined')
+            ),
+        ],
+        rows,
+        'E of all channels over the next 25 frames, degrees squared',
+    )
+    report.text(
+        '**Missing limb, subject 35** (31 training sequences at 30 Hz, test 35_29; RMS degrees over the missing '
+        'channels of the 62 frames from frame 63 on, angles folded by asin(sin)). Nearest neighbour is computed '
+        'here and equals the published figure to all its digits, which shows that features, frames and '
+        'training list are the same. Ours is trained on the joint angles alone and does not see the root.'
+    )
+    limb_jobs = [
+        (limb, method, seen)
+        for method in ('causal', 'smoothed', 'paper, J = 2')
+        for seen in (True, False)
+        for limb in LIMBS
+    ]
     wrong = dict(zip(limb_jobs, parallel(limb_run, limb_jobs, arguments.workers, 'Figure 6')))
+
     def rms(method, seen):
         return [float(np.degrees(np.sqrt(np.mean(wrong[limb, method, seen] ** 2)))) for limb in LIMBS]
+
     rows = [[f'{name} (published)', leg, body] for name, leg, body in PUBLISHED]
-    rows += [[f'nearest neighbour{", scaled" if scaled else ""}, computed here',
-              *(nearest_neighbour(limb, scaled) for limb in LIMBS)] for scaled in (False, True)]
+    rows += [
+        [
+            f'nearest neighbour{", scaled" if scaled else ""}, computed here',
+            *(nearest_neighbour(limb, scaled) for limb in LIMBS),
+        ]
+        for scaled in (False, True)
+    ]
     for method in ('paper, J = 2', 'causal', 'smoothed'):
         title = {'causal': 'ours, causal', 'smoothed': 'ours, smoothed (off line)'}.get(method, method + ', causal')
         rows += [[title, *rms(method, True)], [f'{title}, limb never seen', *rms(method, False)]]
     report.table('limb', ['method', *LIMBS], rows, 'RMS degrees of the missing limb')
-    report.figure(_figure(wrong), 'figure6', 'Error of the missing limb over time (as Figure 6 of the paper): causal '
-                  'solid, smoothed dashed, the paper\'s method dotted')
+    report.figure(
+        _figure(wrong),
+        'figure6',
+        'Error of the missing limb over time (as Figure 6 of the paper): causal '
+        "solid, smoothed dashed, the paper's method dotted",
+    )
     print(report.write(arguments.output))
 
 
 def _figure(wrong):
     import matplotlib.pyplot as plt
+
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), sharey=True)
     for ax, limb in zip(axes, LIMBS):
-        for method, style, colour in (('causal', '-', '#c44e52'), ('smoothed', '--', '#4c72b0'),
-                                      ('paper, J = 2', ':', '0.3')):
+        for method, style, colour in (
+            ('causal', '-', '#c44e52'),
+            ('smoothed', '--', '#4c72b0'),
+            ('paper, J = 2', ':', '0.3'),
+        ):
             by_frame = np.degrees(np.sqrt(np.mean(wrong[limb, method, True] ** 2, axis=1)))
             ax.plot((LIMB_START + 1 + np.arange(len(by_frame))) / 30, by_frame, style, color=colour, label=method)
         ax.set_title(limb)

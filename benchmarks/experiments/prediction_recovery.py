@@ -5,9 +5,23 @@ somebody never seen from a random place on, while it believes itself on track. W
 speed and style are wrong at once; with another place of the same recording it is the phase alone. 2,700 trials of each.
 Phase errors are measured against the off-line smoothed phase and against foot contacts.
 """
+
 import numpy as np
-from prediction_common import SEED, SUBJECTS, full_model, others, own, page, parallel, parser, paths
-from prediction_common import predictor, recording, run, smoothed
+from prediction_common import (
+    SEED,
+    SUBJECTS,
+    full_model,
+    others,
+    own,
+    page,
+    parallel,
+    parser,
+    paths,
+    predictor,
+    recording,
+    run,
+    smoothed,
+)
 
 from style_core import datasets
 from style_core.contacts import foot_contacts
@@ -123,43 +137,81 @@ def main(argv=None):
     walkers = [s for s in SUBJECTS if any(recording(n).n_frames >= BEFORE + 60 for n in own(s))]
     count = {method: trials // len(walkers) for method, trials in TRIALS.items()}
     kinds = {'person': 'another person', 'place': 'another place'}
-    jobs = [(method, subject, kind, count[method], SEED + number) for kind in kinds for method in METHODS
-            for number, subject in enumerate(walkers)]
+    jobs = [
+        (method, subject, kind, count[method], SEED + number)
+        for kind in kinds
+        for method in METHODS
+        for number, subject in enumerate(walkers)
+    ]
     results = dict(zip(jobs, parallel(jumps, jobs, arguments.workers, 'Table 6')))
-    report.text(f'{count["ours"] * len(walkers)} trials of each kind ({count[METHODS[0]] * len(walkers)} for the paper\'s method), on people never seen (leave one subject out; {len(walkers)} '
-                f'subjects with recordings of 1.5 s and more). Lost: mean phase error above {LOST_PERCENT:g} % of the '
-                'cycle over the last quarter second of the two seconds watched, or of the recording where it ends '
-                f'before. Lock: the phase error stays below {LOCK_PERCENT:g} % from then on. Back: E of the predictions '
-                'made in the half second after the jump and in the half second from then on, against E of a run that '
-                'was never disturbed, at the same instants.')
+    report.text(
+        f"{count['ours'] * len(walkers)} trials of each kind ({count[METHODS[0]] * len(walkers)} for the paper's"
+        f" method), on people never seen (leave one subject out; {len(walkers)} "
+        f'subjects with recordings of 1.5 s and more). Lost: mean phase error above {LOST_PERCENT:g} % of the '
+        'cycle over the last quarter second of the two seconds watched, or of the recording where it ends '
+        f'before. Lock: the phase error stays below {LOCK_PERCENT:g} % from then on. Back: E of the predictions '
+        'made in the half second after the jump and in the half second from then on, against E of a run that '
+        'was never disturbed, at the same instants.'
+    )
     rows, curves = [], {}
     for kind, title in kinds.items():
         for method in METHODS:
             parts = [results[job] for job in jobs if job[0] == method and job[2] == kind]
-            phase, error, steady = (np.concatenate([p[key] for p in parts]) for key in ('phase_error', 'error', 'steady'))
+            phase, error, steady = (
+                np.concatenate([p[key] for p in parts]) for key in ('phase_error', 'error', 'steady')
+            )
             lost, lock = _lost(phase), _lock(phase)
             curves[kind, method] = np.nanmean(error[:, ::EVERY], axis=0), np.nanmean(steady[:, ::EVERY], axis=0)
             ratio = curves[kind, method][0] / curves[kind, method][1]
             above = np.flatnonzero(ratio > 1.5)
             back = EVERY * (above[-1] + 1) if len(above) else 0
-            rows.append([title, method, 100 * float(lost.mean()), 1e3 * float(np.median(lock)) / 60,
-                         1e3 * float(np.percentile(lock, 95)) / 60, float(np.nanmean(error[:, :30])),
-                         float(np.nanmean(error[:, 30:60])), float(np.nanmean(steady[:, 30:60])),
-                         float(np.nanmean(error[:, 30:60]) / np.nanmean(steady[:, 30:60])),
-                         1e3 * float(back) / 60 if back < AFTER - EVERY else float('nan')])
-    report.table('jumps', ['jump from', 'method', 'lost, %', 'lock, median ms', 'lock, 95th percentile',
-                           'E, first 0.5 s', 'E, 0.5-1 s', 'undisturbed, 0.5-1 s', 'ratio', 'back to 1.5 x, ms'], rows,
-                 'After a jump')
+            rows.append(
+                [
+                    title,
+                    method,
+                    100 * float(lost.mean()),
+                    1e3 * float(np.median(lock)) / 60,
+                    1e3 * float(np.percentile(lock, 95)) / 60,
+                    float(np.nanmean(error[:, :30])),
+                    float(np.nanmean(error[:, 30:60])),
+                    float(np.nanmean(steady[:, 30:60])),
+                    float(np.nanmean(error[:, 30:60]) / np.nanmean(steady[:, 30:60])),
+                    1e3 * float(back) / 60 if back < AFTER - EVERY else float('nan'),
+                ]
+            )
+    report.table(
+        'jumps',
+        [
+            'jump from',
+            'method',
+            'lost, %',
+            'lock, median ms',
+            'lock, 95th percentile',
+            'E, first 0.5 s',
+            'E, 0.5-1 s',
+            'undisturbed, 0.5-1 s',
+            'ratio',
+            'back to 1.5 x, ms',
+        ],
+        rows,
+        'After a jump',
+    )
     rows = []
     for number, subject in enumerate(walkers):
         row = [subject]
         for kind in kinds:
             part = results['ours', subject, kind, count['ours'], SEED + number]
-            row += [100 * float(_lost(part['phase_error']).mean()),
-                    float(np.nanmean(part['error'][:, 30:60]) / np.nanmean(part['steady'][:, 30:60]))]
+            row += [
+                100 * float(_lost(part['phase_error']).mean()),
+                float(np.nanmean(part['error'][:, 30:60]) / np.nanmean(part['steady'][:, 30:60])),
+            ]
         rows.append(row)
-    report.table('by_subject', ['subject', *(f'{t}: {c}' for t in kinds.values() for c in ('lost, %', 'E ratio 0.5-1 s'))],
-                 rows, 'Ours by subject')
+    report.table(
+        'by_subject',
+        ['subject', *(f'{t}: {c}' for t in kinds.values() for c in ('lost, %', 'E ratio 0.5-1 s'))],
+        rows,
+        'Ours by subject',
+    )
     phase_jobs = [(method, subject) for method in METHODS for subject in SUBJECTS]
     measured = dict(zip(phase_jobs, parallel(phases, phase_jobs, arguments.workers, 'Table 6, phase')))
     rows, trials = [], {}
@@ -168,22 +220,49 @@ def main(argv=None):
             per_trial, strikes = measured[method, subject]
             trials.update({(method, name): value for name, value in per_trial.items()})
             counts = sum(s[2] for s in strikes)
-            def pooled(index, strikes=strikes):
+
+            def pooled(index, strikes=strikes, counts=counts):
                 squares = [s[index] ** 2 * s[2] for s in strikes if s[2]]
                 return float(np.sqrt(sum(squares) / max(counts, 1))) if counts else float('nan')
-            rows.append([method, subject, float(np.sqrt(np.mean(np.square(list(per_trial.values()))))),
-                         float(np.median(list(per_trial.values()))), pooled(0), pooled(1), counts])
-    report.table('phase', ['method', 'subject never seen', 'RMSE against smoothed, % of cycle', 'median trial',
-                           'RMSE at heel strikes', 'the same, about the person\'s own mean', 'heel strikes'], rows,
-                 'Phase error of undisturbed runs from half a second on')
-    report.text('At heel strikes the phase is compared with where heel strikes lie on the training people\'s smoothed phase; '
-                'about the person\'s own mean, with where they lie for this person. Published for comparison (other data, '
-                'ankle exosuits): EKF 4.8 %, CNN 5.0 %, transformer 2.7 %; recovery 99 % of 2,700 perturbed trials.')
+
+            rows.append(
+                [
+                    method,
+                    subject,
+                    float(np.sqrt(np.mean(np.square(list(per_trial.values()))))),
+                    float(np.median(list(per_trial.values()))),
+                    pooled(0),
+                    pooled(1),
+                    counts,
+                ]
+            )
+    report.table(
+        'phase',
+        [
+            'method',
+            'subject never seen',
+            'RMSE against smoothed, % of cycle',
+            'median trial',
+            'RMSE at heel strikes',
+            "the same, about the person's own mean",
+            'heel strikes',
+        ],
+        rows,
+        'Phase error of undisturbed runs from half a second on',
+    )
+    report.text(
+        "At heel strikes the phase is compared with where heel strikes lie on the training people's smoothed phase; "
+        "about the person's own mean, with where they lie for this person. Published for comparison (other data, "
+        'ankle exosuits): EKF 4.8 %, CNN 5.0 %, transformer 2.7 %; recovery 99 % of 2,700 perturbed trials.'
+    )
     worst = sorted((n for m, n in trials if m == 'ours'), key=lambda n: -trials['ours', n])[:8]
     descriptions = {row.name: row.description for row in datasets.labels()}
-    report.table('worst_phase', ['trial', 'what', *METHODS], [[n, descriptions[n], *(trials[m, n] for m in METHODS)]
-                                                              for n in worst],
-                 'Largest phase errors of ours, RMSE in % of the cycle')
+    report.table(
+        'worst_phase',
+        ['trial', 'what', *METHODS],
+        [[n, descriptions[n], *(trials[m, n] for m in METHODS)] for n in worst],
+        'Largest phase errors of ours, RMSE in % of the cycle',
+    )
     report.figure(_figure(curves), 'jumps', 'E of the predictions made after a jump (solid) and without one (dashed)')
     print(report.write(arguments.output))
 
@@ -195,7 +274,7 @@ def _watched(phase_error):
 def _lost(phase_error):
     """Whether the last 15 frames watched are off; shape (trials,)."""
     stop = _watched(phase_error)
-    return np.array([row[max(end - 15, 0):end].mean() > LOST_PERCENT for row, end in zip(phase_error, stop)])
+    return np.array([row[max(end - 15, 0) : end].mean() > LOST_PERCENT for row, end in zip(phase_error, stop)])
 
 
 def _lock(phase_error):
@@ -209,6 +288,7 @@ def _lock(phase_error):
 
 def _figure(curves):
     import matplotlib.pyplot as plt
+
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), sharey=True)
     for ax, kind in zip(axes, ('person', 'place')):
         for colour, method in zip(('0.4', '#c44e52'), METHODS):

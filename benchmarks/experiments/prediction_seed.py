@@ -3,9 +3,22 @@
 Trained on the paper's training sequences, tested on five others by themselves and on three people joined into one
 non-stationary sequence. E is the mean squared error over the next 25 frames at 60 Hz, degrees squared.
 """
+
 import numpy as np
-from prediction_common import (JOINED, METHODS, SEED_TESTS, SEED_TRAINING, SHOWN_COLUMNS, page, parallel, parser, paths,
-                               recording, run, shown)
+from prediction_common import (
+    JOINED,
+    METHODS,
+    SEED_TESTS,
+    SEED_TRAINING,
+    SHOWN_COLUMNS,
+    page,
+    parallel,
+    parser,
+    paths,
+    recording,
+    run,
+    shown,
+)
 
 from style_core.evaluation import error_deg2, rms_deg, windows_clear_of
 from style_core.motion import concatenate
@@ -37,50 +50,90 @@ def one(method, channels, training):
     clear = rollout.rows(windows_clear_of(rollout.times, rollout.horizons, seams))
     with_seams = error_deg2(rollout.mean, rollout.actual)
     without = error_deg2(clear.mean, clear.actual)
-    after = [error_deg2(part.mean, part.actual) for part in
-             (rollout.rows((rollout.times >= seam) & (rollout.times < seam + 0.5)) for seam in seams)]
+    after = [
+        error_deg2(part.mean, part.actual)
+        for part in (rollout.rows((rollout.times >= seam) & (rollout.times < seam + 0.5)) for seam in seams)
+    ]
     by_horizon = np.sqrt(np.average(squares, axis=0, weights=weights))
-    return {'tests': errors, 'joined': with_seams, 'clear': without, 'after': float(np.mean(after)),
-            'rms': shown(by_horizon), 'ms': float(1e3 * np.median(np.concatenate(spent)))}
+    return {
+        'tests': errors,
+        'joined': with_seams,
+        'clear': without,
+        'after': float(np.mean(after)),
+        'rms': shown(by_horizon),
+        'ms': float(1e3 * np.median(np.concatenate(spent))),
+    }
 
 
 def main(argv=None):
     arguments = parser(__doc__).parse_args(argv)
-    report = page('1_seed', 'Table 1: the protocol of the phase-style paper',
-                  paths(sorted(set(SEED_TRAINING + SEED_TESTS + JOINED))))
-    report.text(f'Training: {", ".join(SEED_TRAINING)} (the paper\'s list as far as the recordings are here). Joined: '
-                f'{", ".join(JOINED)}. E in degrees squared over the next 25 frames at 60 Hz; "clear of seams" leaves out '
-                'the instants whose 25 frames reach over a seam, which nobody can predict. "Half second after a seam" '
-                'is the error of the predictions made then. RMS is pooled over the five tests. On the joined sequence '
-                'the radial bases take their principal components from it, as in the paper.')
-    jobs = [(method, channels, training) for channels, training in ((50, SEED_TRAINING), (56, SEED_TRAINING), (50, STRICT))
-            for method in METHODS if channels == 50 or method not in ONLY_50]
+    report = page(
+        '1_seed',
+        'Table 1: the protocol of the phase-style paper',
+        paths(sorted(set(SEED_TRAINING + SEED_TESTS + JOINED))),
+    )
+    report.text(
+        f"Training: {', '.join(SEED_TRAINING)} (the paper's list as far as the recordings are here). Joined: "
+        f'{", ".join(JOINED)}. E in degrees squared over the next 25 frames at 60 Hz; "clear of seams" leaves out '
+        'the instants whose 25 frames reach over a seam, which nobody can predict. "Half second after a seam" '
+        'is the error of the predictions made then. RMS is pooled over the five tests. On the joined sequence '
+        'the radial bases take their principal components from it, as in the paper.'
+    )
+    jobs = [
+        (method, channels, training)
+        for channels, training in ((50, SEED_TRAINING), (56, SEED_TRAINING), (50, STRICT))
+        for method in METHODS
+        if channels == 50 or method not in ONLY_50
+    ]
     results = dict(zip(jobs, parallel(one, jobs, arguments.workers, 'Table 1')))
-    for channels, training, note in ((50, SEED_TRAINING, '50 body channels'),
-                                     (56, SEED_TRAINING, 'all 56 joint channels, fingers and thumbs included'),
-                                     (50, STRICT, '50 body channels, trained without 02_02 (same person and gait as 02_01)')):
-        rows = [[method, float(np.mean(result['tests'])), *result['tests'], result['joined'], result['clear'],
-                 result['after']]
-                for (method, c, t), result in results.items() if (c, t) == (channels, training)]
-        report.table(f'error_{channels}_{len(training)}',
-                     ['method', 'mean of five', *SEED_TESTS, 'joined', 'joined, clear of seams',
-                      'half second after a seam'], rows, f'E, {note}')
+    for channels, training, note in (
+        (50, SEED_TRAINING, '50 body channels'),
+        (56, SEED_TRAINING, 'all 56 joint channels, fingers and thumbs included'),
+        (50, STRICT, '50 body channels, trained without 02_02 (same person and gait as 02_01)'),
+    ):
+        rows = [
+            [
+                method,
+                float(np.mean(result['tests'])),
+                *result['tests'],
+                result['joined'],
+                result['clear'],
+                result['after'],
+            ]
+            for (method, c, t), result in results.items()
+            if (c, t) == (channels, training)
+        ]
+        report.table(
+            f'error_{channels}_{len(training)}',
+            ['method', 'mean of five', *SEED_TESTS, 'joined', 'joined, clear of seams', 'half second after a seam'],
+            rows,
+            f'E, {note}',
+        )
     rows = [[method, *result['rms']] for (method, c, t), result in results.items() if (c, t) == (50, SEED_TRAINING)]
     report.table('rms_50', ['method', *SHOWN_COLUMNS], rows, 'RMS error by horizon, degrees, 50 channels')
     rows = [[method, result['ms']] for (method, c, t), result in results.items() if (c, t) == (50, SEED_TRAINING)]
-    report.table('time_50', ['method', 'ms'], rows, 'Median time of an update with 25 predictions (measured while '
-                 'this table ran, one core each; not reproducible to the digit)')
+    report.table(
+        'time_50',
+        ['method', 'ms'],
+        rows,
+        'Median time of an update with 25 predictions (measured while '
+        'this table ran, one core each; not reproducible to the digit)',
+    )
     report.figure(_figure(results), 'error', 'E by method, 50 channels, mean of the five tests')
     print(report.write(arguments.output))
 
 
 def _figure(results):
     import matplotlib.pyplot as plt
-    chosen = {method: np.mean(result['tests']) for (method, c, t), result in results.items()
-              if (c, t) == (50, SEED_TRAINING)}
+
+    chosen = {
+        method: np.mean(result['tests']) for (method, c, t), result in results.items() if (c, t) == (50, SEED_TRAINING)
+    }
     figure, axes = plt.subplots(figsize=(8, 4.5))
     names = list(chosen)[::-1]
-    bars = axes.barh(names, [chosen[name] for name in names], color=['#c44e52' if n == 'ours' else '#8c9fb5' for n in names])
+    bars = axes.barh(
+        names, [chosen[name] for name in names], color=['#c44e52' if n == 'ours' else '#8c9fb5' for n in names]
+    )
     axes.bar_label(bars, fmt='%.1f', padding=3)
     axes.set_xscale('log')
     axes.set_xlim(right=4 * max(chosen.values()))

@@ -7,7 +7,6 @@ NaN in ``actual`` (past the end of the recording, or never measured) is left out
 import time as clock
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from typing import Tuple
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -48,7 +47,7 @@ class Rollout:
         Wall-clock time of each call (not reproducible, of course).
     """
 
-    joint_names: Tuple[str, ...]
+    joint_names: tuple[str, ...]
     times: np.ndarray
     horizons: np.ndarray
     mean: np.ndarray

@@ -1,4 +1,5 @@
 """Stacking two predictors."""
+
 import numpy as np
 import pytest
 
@@ -16,8 +17,11 @@ def test_weights_minimise_the_error_of_people_counted_alike():
     weight, spread = stacking_weights(first, second, groups)
 
     def error(w):
-        by_recording = [np.mean(((1 - w)[:, None] * f + w[:, None] * s) ** 2, axis=(0, 2)) for f, s in zip(first, second)]
+        by_recording = [
+            np.mean(((1 - w)[:, None] * f + w[:, None] * s) ** 2, axis=(0, 2)) for f, s in zip(first, second)
+        ]
         return 0.25 * by_recording[0] + 0.25 * by_recording[1] + 0.5 * by_recording[2]
+
     best = error(weight)
     for step in (-0.02, 0.02):
         assert (error(np.clip(weight + step, 0, 1)) >= best - 1e-12).all()
@@ -38,8 +42,9 @@ def test_stack_is_the_weighted_mean_and_keeps_the_firsts_estimate():
     horizons = paper_horizons(4)
     one, two = (roll_out(kind(('a', 'b')), motion, horizons) for kind in (ZeroVelocity, ConstantVelocity))
     weight = np.array([0.0, 0.2, 0.5, 1.0])
-    stack = roll_out(Stacked(ZeroVelocity(('a', 'b')), ConstantVelocity(('a', 'b')), horizons, weight, np.ones(4)),
-                     motion, horizons)
+    stack = roll_out(
+        Stacked(ZeroVelocity(('a', 'b')), ConstantVelocity(('a', 'b')), horizons, weight, np.ones(4)), motion, horizons
+    )
     np.testing.assert_allclose(stack.mean, (1 - weight)[:, None] * one.mean + weight[:, None] * two.mean)
     np.testing.assert_array_equal(stack.filtered, one.filtered)
     with pytest.raises(ValueError, match='same joints'):

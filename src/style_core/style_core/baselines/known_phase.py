@@ -1,4 +1,5 @@
 """An ideal that is told the phase: what remains is the error of bases and style."""
+
 import numpy as np
 
 from style_core.baselines.pose_keeper import PoseKeeper

@@ -1,4 +1,5 @@
 """Nearest histories: what training motion did after it last looked like this."""
+
 import numpy as np
 
 from style_core.baselines.pose_keeper import PoseKeeper
@@ -50,14 +51,15 @@ class NearestHistories(PoseKeeper):
         self._usable = np.flatnonzero((index - start >= self._frames - 1) & (index + far < self._stop))
         if len(self._usable) < neighbours:
             raise MotionError(
-                f'training recordings are too short for histories of {frames} frames and {ahead_s:g} s ahead')
+                f'training recordings are too short for histories of {frames} frames and {ahead_s:g} s ahead'
+            )
         self._neighbours = int(neighbours)
         super().__init__(names, self._bank.mean(axis=0))
 
     def reset(self):
         super().reset()
         self._distance = np.zeros((self._frames, len(self._bank)))  # of the last frames, newest first
-        self._found = self._usable[:self._neighbours]
+        self._found = self._usable[: self._neighbours]
 
     def _take(self, elapsed, pose, observed):
         if observed.all():
@@ -70,7 +72,7 @@ class NearestHistories(PoseKeeper):
         total = np.zeros(len(self._usable))
         for age in range(self._frames):  # constants a frame are the same for every candidate and do not matter
             total += self._distance[age, self._usable - age]
-        nearest = np.argpartition(total, self._neighbours - 1)[:self._neighbours]
+        nearest = np.argpartition(total, self._neighbours - 1)[: self._neighbours]
         self._found = self._usable[np.sort(nearest)]
         self._pose = np.where(observed, pose, self._bank[self._found].mean(axis=0))
 

@@ -1,4 +1,5 @@
 """Particle filter on the phase-style model (as Matsubara et al. 2012, section 4.1.2, compare with)."""
+
 import numpy as np
 
 from style_core.baselines.pose_keeper import PoseKeeper
@@ -43,8 +44,9 @@ class ParticleFilter(PoseKeeper):
         self._phase = rng.uniform(0.0, 2 * np.pi, self._n)
         self._velocity = np.clip(mean + spread * rng.normal(size=self._n), low, high)
         pick = rng.integers(len(self._behaviour.styles), size=self._n)
-        self._style = self._behaviour.styles[pick] \
-            + 0.5 * self._style_spread * rng.normal(size=(self._n, self._behaviour.style_dimension))
+        self._style = self._behaviour.styles[pick] + 0.5 * self._style_spread * rng.normal(
+            size=(self._n, self._behaviour.style_dimension)
+        )
         self._log_weight = np.zeros(self._n)
 
     def _take(self, elapsed, pose, observed):
@@ -65,12 +67,13 @@ class ParticleFilter(PoseKeeper):
             cross = weighted @ pose[observed]
             bins = self._bins(self._phase)
             style = self._style
-            self._log_weight += np.einsum('kj,kj->k', style, cross[bins]) \
-                - 0.5 * np.einsum('kj,kjl,kl->k', style, gram[bins], style, optimize=False)
+            self._log_weight += np.einsum('kj,kj->k', style, cross[bins]) - 0.5 * np.einsum(
+                'kj,kjl,kl->k', style, gram[bins], style, optimize=False
+            )
         self._log_weight -= self._log_weight.max()
         weight = np.exp(self._log_weight)
         weight /= weight.sum()
-        if 1.0 / np.sum(weight ** 2) < 0.5 * self._n:
+        if 1.0 / np.sum(weight**2) < 0.5 * self._n:
             comb = (np.arange(self._n) + rng.random()) / self._n
             kept = np.minimum(np.searchsorted(np.cumsum(weight), comb), self._n - 1)
             self._phase, self._velocity, self._style = self._phase[kept], self._velocity[kept], self._style[kept]
@@ -87,6 +90,8 @@ class ParticleFilter(PoseKeeper):
         pose = np.empty((len(horizons), len(self.joint_names)))
         for row, horizon in enumerate(horizons):
             bins = self._bins(self._phase + horizon * self._velocity)
-            share = np.stack([np.bincount(bins, self._weight * column, minlength=BINS) for column in self._style.T], axis=1)
+            share = np.stack(
+                [np.bincount(bins, self._weight * column, minlength=BINS) for column in self._style.T], axis=1
+            )
             pose[row] = np.einsum('bj,bjd->d', share, self._bases)
         return pose

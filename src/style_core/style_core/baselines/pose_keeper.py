@@ -1,4 +1,5 @@
 """What every baseline shares: checks of the input, the last known pose, and an estimate without phase or style."""
+
 import numpy as np
 
 from style_core.errors import MotionError
@@ -45,9 +46,20 @@ class PoseKeeper:
         self._take(elapsed, np.where(observed, y, self._pose), observed)
         mean, std = self._filled(), np.full(len(y), np.nan)
         nothing = np.full((2, 2), np.nan)
-        return Estimate(time=time, phase=np.nan, phase_velocity=np.nan, phase_covariance=nothing, style=np.empty(0),
-                        style_covariance=np.empty((0, 0)), mean=mean, std=std, observed=observed, innovation=np.nan,
-                        log_likelihood=np.nan, status=Status.TRACKING)
+        return Estimate(
+            time=time,
+            phase=np.nan,
+            phase_velocity=np.nan,
+            phase_covariance=nothing,
+            style=np.empty(0),
+            style_covariance=np.empty((0, 0)),
+            mean=mean,
+            std=std,
+            observed=observed,
+            innovation=np.nan,
+            log_likelihood=np.nan,
+            status=Status.TRACKING,
+        )
 
     def predict(self, horizons):
         """Predict ``horizons`` s ahead (see `OnlinePredictor.predict`); baselines give no band (``std`` is NaN)."""

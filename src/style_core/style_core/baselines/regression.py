@@ -1,4 +1,5 @@
 """Function approximation on line: least squares with forgetting, linear and on radial bases."""
+
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 

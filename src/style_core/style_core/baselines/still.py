@@ -1,4 +1,5 @@
 """Hold still, and keep going."""
+
 import numpy as np
 
 from style_core.baselines.pose_keeper import PoseKeeper

@@ -7,6 +7,7 @@ motion-style bench prediction --resume     only the tables that code or recordin
 Needs a checkout of the project (the tables are scripts under benchmarks/experiments) and the recordings (STYLE_MOCAP,
 or ../shared/mocap beside the checkout). Pages go to docs/results/prediction as Markdown, JSON and pictures.
 """
+
 import fcntl
 import hashlib
 import importlib
@@ -21,28 +22,39 @@ from style_core.errors import UsageError
 __all__ = ['AREAS', 'add_arguments', 'run']
 
 #: area -> {table: (script under benchmarks/experiments, what it shows)}
-AREAS = {'prediction': {
-    '1': ('prediction_seed', "the phase-style paper's protocol, all methods"),
-    '2': ('prediction_missing', 'missing sensors and the missing-limb benchmark'),
-    '3': ('prediction_jumps', 'jumps, a discrete motion'),
-    '4': ('prediction_unseen', 'people never seen'),
-    '5': ('prediction_calibration', 'calibration of the bands'),
-    '6': ('prediction_recovery', 'recovery after getting lost, error of the phase'),
-    '7': ('prediction_cmu8', 'the CMU 8-action benchmark'),
-    '8': ('prediction_timing', 'bad timing'),
-    'ablation': ('prediction_ablation', 'what each ingredient is worth'),
-    'bars': ('prediction_bars', 'summary of all tables against the goals set'),
-}}
+AREAS = {
+    'prediction': {
+        '1': ('prediction_seed', "the phase-style paper's protocol, all methods"),
+        '2': ('prediction_missing', 'missing sensors and the missing-limb benchmark'),
+        '3': ('prediction_jumps', 'jumps, a discrete motion'),
+        '4': ('prediction_unseen', 'people never seen'),
+        '5': ('prediction_calibration', 'calibration of the bands'),
+        '6': ('prediction_recovery', 'recovery after getting lost, error of the phase'),
+        '7': ('prediction_cmu8', 'the CMU 8-action benchmark'),
+        '8': ('prediction_timing', 'bad timing'),
+        'ablation': ('prediction_ablation', 'what each ingredient is worth'),
+        'bars': ('prediction_bars', 'summary of all tables against the goals set'),
+    }
+}
 
 
 def add_arguments(parser, argv):
     """Area, tables, output."""
     parser.add_argument('area', choices=sorted(AREAS), help='which bench')
-    parser.add_argument('--table', action='append', metavar='N', help='only this table (may be given several times): '
-                        + '; '.join(f'{key} {what}' for tables in AREAS.values() for key, (_, what) in tables.items()))
-    parser.add_argument('-o', '--output', type=Path, help='folder of the pages (default: docs/results/AREA of the checkout)')
+    parser.add_argument(
+        '--table',
+        action='append',
+        metavar='N',
+        help='only this table (may be given several times): '
+        + '; '.join(f'{key} {what}' for tables in AREAS.values() for key, (_, what) in tables.items()),
+    )
+    parser.add_argument(
+        '-o', '--output', type=Path, help='folder of the pages (default: docs/results/AREA of the checkout)'
+    )
     parser.add_argument('--workers', type=int, default=2, help='processes (default 2); results do not depend on it')
-    parser.add_argument('--resume', action='store_true', help='skip tables whose code and recordings are as when last run')
+    parser.add_argument(
+        '--resume', action='store_true', help='skip tables whose code and recordings are as when last run'
+    )
 
 
 def run(args):
@@ -64,8 +76,9 @@ def run(args):
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise UsageError(f'another {args.area} bench is running in this checkout; two would write the same pages') \
-                from None
+            raise UsageError(
+                f'another {args.area} bench is running in this checkout; two would write the same pages'
+            ) from None
         _run(args, tables, chosen, state, cache / f'bench_{args.area}.json', output)
 
 
@@ -98,8 +111,9 @@ def _digest(root, area):
     """Hash of everything a table depends on: package sources, experiment scripts, recordings (by name and size)."""
     digest = hashlib.sha256()
     package = Path(__file__).resolve().parents[1]
-    for path in sorted([*package.rglob('*.py'), *package.rglob('*.pyx'),
-                        *(root / 'benchmarks' / 'experiments').glob(f'{area}_*.py')]):
+    for path in sorted(
+        [*package.rglob('*.py'), *package.rglob('*.pyx'), *(root / 'benchmarks' / 'experiments').glob(f'{area}_*.py')]
+    ):
         digest.update(path.name.encode() + path.read_bytes())
     folder = datasets.mocap_folder()
     for path in sorted(folder.rglob('*')):
