@@ -114,7 +114,8 @@ def still_behaviour(behaviours):
     spread = poses.var(axis=0) + np.mean([one.residual.offset for one in behaviours], axis=0)
     bases = np.broadcast_to(poses.mean(axis=0), (1, 8, channels)).copy()
     residual = Residual(
-        offset=spread, fast=0.1 * fast, personal=np.zeros(channels), noise=noise, offset_decay=0.02,
+        # slow enough that a slow walk is not followed: 0.02 let `still` take over walks of subject 16
+        offset=spread, fast=0.1 * fast, personal=np.zeros(channels), noise=noise, offset_decay=0.004,
         fast_decay=first.residual.fast_decay, personal_decay=0.0, style_decay=0.0, personal_share=np.zeros(0),
         style_scale=0.0, calibration_horizon=np.zeros(1), calibration_scale=np.ones(1))
     return Behaviour(
