@@ -10,7 +10,7 @@ import numpy as np
 from style_core.errors import UsageError
 from style_core.motion import Motion
 
-__all__ = ['GaitStyle', 'random_style', 'synthetic_gait']
+__all__ = ['GaitStyle', 'random_style', 'synthetic_gait', 'synthetic_people']
 
 # One row a joint channel: mean, then amplitude and phase (rad) of the first and of the second harmonic, once for
 # walking and once for running; degrees. Phase zero is near the left hip's greatest flexion. Left limbs; the right ones
@@ -184,3 +184,24 @@ def _channel(key, side, rows, style, phase, amplitude):
     curve = mean + gain * amplitude * (
         first * np.cos(phase - first_at) + second * np.cos(2 * phase - second_at))
     return -curve if side == 'r' and axis != 'rx' else curve
+
+
+def synthetic_people(count, seed=0, run=0.0, duration_s=8.0):
+    """Gaits of people drawn at random, to learn from.
+
+    Parameters
+    ----------
+    count : int
+    seed : int
+        Another seed makes other people.
+    run : float
+    duration_s : float
+
+    Returns
+    -------
+    list of Motion
+        Named ``p0_gait``, ``p1_gait`` and so on: the part before the underscore is the person.
+    """
+    rng = np.random.default_rng(seed)
+    return [synthetic_gait(duration_s, random_style(rng, run), seed=seed + 1000 * number + 1)[0].replace(
+        name=f'p{number}_gait') for number in range(count)]

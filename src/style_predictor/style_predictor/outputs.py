@@ -1,5 +1,4 @@
 """What the predictor publishes, and how it is written."""
-import array
 import json
 
 import numpy as np
@@ -12,37 +11,16 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from style_core.live.stamp_policy import NANOSECONDS
 from style_msgs.msg import MotionPrediction, StyleEstimate
-from style_predictor.templates import MessageTemplate, set_stamp
+from style_predictor.templates import MessageTemplate
 
 __all__ = ['Outputs', 'Writers', 'diagnostics_message']
 
-_STAMP = (set_stamp, np.int32, 2)
-
-
 def _trajectory(joints, horizons):
-    points = [JointTrajectoryPoint(time_from_start=Duration(
-        sec=int(ahead_ns // NANOSECONDS), nanosec=int(ahead_ns % NANOSECONDS)))
-        for ahead_ns in np.round(horizons * NANOSECONDS).astype(np.int64)]
-    return JointTrajectory(joint_names=list(joints), points=points)
-
-
-def _fill_points(attribute, width):
-    def fill(trajectory, values):
-        for point, row in zip(trajectory.points, values.reshape(-1, width)):
-            setattr(point, attribute, array.array('d', row.tobytes()))
-    return fill
-
-
-def _on(member, setter):
-    return lambda message, values: setter(getattr(message, member), values)
-
-
-def _scalar(member, convert):
-    return lambda message, values: setattr(message, member, convert(values[0]))
-
-
-def _vector(member):
-    return lambda message, values: setattr(message, member, array.array('d', values.tobytes()))
+    """A trajectory with room for positions and velocities."""
+    return JointTrajectory(joint_names=list(joints), points=[
+        JointTrajectoryPoint(positions=[0.0] * len(joints), velocities=[0.0] * len(joints),
+                             time_from_start=Duration(sec=int(ahead) // NANOSECONDS, nanosec=int(ahead) % NANOSECONDS))
+        for ahead in np.round(horizons * NANOSECONDS)])
 
 
 class Writers:
@@ -59,67 +37,52 @@ class Writers:
     def __init__(self, live, stream, horizons):
         self.live = live
         joints, count = stream.robot_joints, len(stream.robot_joints)
-        points = len(horizons) * count
-        self._trajectory = MessageTemplate(_trajectory(joints, horizons), {
-            'stamp': _STAMP,
-            'positions': (_fill_points('positions', count), np.float64, points),
-            'velocities': (_fill_points('velocities', count), np.float64, points)})
-        self._prediction = MessageTemplate(MotionPrediction(model=live.name, mean=_trajectory(joints, horizons)), {
-            'stamp': _STAMP, 'mean_stamp': (_on('mean', set_stamp), np.int32, 2),
-            'positions': (_on('mean', _fill_points('positions', count)), np.float64, points),
-            'velocities': (_on('mean', _fill_points('velocities', count)), np.float64, points),
-            'std': (_vector('standard_deviation'), np.float64, points)})
-        self._filled = MessageTemplate(JointState(name=list(joints)), {
-            'stamp': _STAMP, 'positions': (_vector('position'), np.float64, count)})
-        self._model_joints = tuple(live.predictor.joint_names)
+        self._trajectory = MessageTemplate(_trajectory(joints, horizons))
+        self._prediction = MessageTemplate(MotionPrediction(
+            model=live.name, mean=_trajectory(joints, horizons), standard_deviation=[0.0] * len(horizons) * count))
+        self._filled = MessageTemplate(JointState(name=list(joints), position=[0.0] * count))
         self._estimates = {}
 
     def filled(self, step):
         """Serialised JointState of a step."""
-        return self._filled.write(stamp=_split(step.stamp), positions=step.positions)
+        return self._filled.write({**_stamp(step.stamp), 'position': step.positions})
 
     def trajectory(self, outlook):
         """Serialised JointTrajectory of a prediction."""
-        return self._trajectory.write(stamp=_split(outlook.stamp), positions=outlook.mean, velocities=outlook.velocity)
+        return self._trajectory.write({**_stamp(outlook.stamp), 'points.positions': outlook.mean,
+                                       'points.velocities': outlook.velocity})
 
     def prediction(self, outlook):
         """Serialised MotionPrediction of a prediction."""
-        stamp = _split(outlook.stamp)
-        return self._prediction.write(stamp=stamp, mean_stamp=stamp, positions=outlook.mean,
-                                      velocities=outlook.velocity, std=outlook.std)
+        return self._prediction.write({
+            **_stamp(outlook.stamp), **_stamp(outlook.stamp, 'mean.'), 'mean.points.positions': outlook.mean,
+            'mean.points.velocities': outlook.velocity, 'standard_deviation': outlook.std})
 
     def estimate(self, step):
         """Serialised StyleEstimate of a step."""
         estimate = step.estimate
         key = len(estimate.style), tuple(estimate.behaviours)
-        template = self._estimates.get(key)
-        if template is None:
-            template = self._estimates[key] = self._estimate_template(*key)
-        return template.write(
-            stamp=_split(step.stamp), status=int(estimate.status), discrete=self.live.is_discrete(estimate),
-            phase=estimate.phase, phase_velocity=estimate.phase_velocity, phase_covariance=estimate.phase_covariance,
-            style=estimate.style, style_covariance=estimate.style_covariance,
-            probabilities=list(estimate.behaviours.values()), observed=estimate.observed,
-            innovation=estimate.innovation, log_likelihood=estimate.log_likelihood)
+        if key not in self._estimates:
+            self._estimates[key] = self._estimate_template(*key)
+        return self._estimates[key].write({
+            **_stamp(step.stamp), 'status': estimate.status, 'discrete': self.live.is_discrete(estimate),
+            'phase': estimate.phase, 'phase_velocity': estimate.phase_velocity,
+            'phase_covariance': estimate.phase_covariance, 'style': estimate.style,
+            'style_covariance': estimate.style_covariance,
+            'behaviour_probabilities': list(estimate.behaviours.values()), 'observed': estimate.observed,
+            'innovation': estimate.innovation, 'log_likelihood': estimate.log_likelihood})
 
     def _estimate_template(self, styles, behaviours):
-        return MessageTemplate(
-            StyleEstimate(model=self.live.name, behaviours=list(behaviours), joint_names=list(self._model_joints)), {
-                'stamp': _STAMP, 'status': (_scalar('status', int), np.uint8, 1),
-                'discrete': (_scalar('discrete', bool), bool, 1),
-                'phase': (_scalar('phase', float), np.float64, 1),
-                'phase_velocity': (_scalar('phase_velocity', float), np.float64, 1),
-                'phase_covariance': (lambda m, v: setattr(m, 'phase_covariance', v), np.float64, 4),
-                'style': (_vector('style'), np.float64, styles),
-                'style_covariance': (_vector('style_covariance'), np.float64, styles**2),
-                'probabilities': (_vector('behaviour_probabilities'), np.float64, len(behaviours)),
-                'observed': (lambda m, v: setattr(m, 'observed', v.tolist()), bool, len(self._model_joints)),
-                'innovation': (_scalar('innovation', float), np.float64, 1),
-                'log_likelihood': (_scalar('log_likelihood', float), np.float64, 1)})
+        joints = list(self.live.predictor.joint_names)
+        return MessageTemplate(StyleEstimate(
+            model=self.live.name, style=[0.0] * styles, style_covariance=[0.0] * styles**2,
+            behaviours=list(behaviours), behaviour_probabilities=[0.0] * len(behaviours), joint_names=joints,
+            observed=[False] * len(joints)))
 
 
-def _split(stamp):
-    return divmod(stamp, NANOSECONDS)
+def _stamp(stamp, prefix=''):
+    seconds, nanoseconds = divmod(stamp, NANOSECONDS)
+    return {prefix + 'header.stamp.sec': seconds, prefix + 'header.stamp.nanosec': nanoseconds}
 
 
 class Outputs:

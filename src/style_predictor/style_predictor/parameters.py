@@ -35,6 +35,8 @@ def faults_of(values):
 
 def _predictor_together(values):
     settings_of(values)
+    if values['step'] > values['horizon']:
+        raise UsageError(f'step ({values["step"]} s) must not exceed horizon ({values["horizon"]} s)')
     if len(horizons_of(values)) > 1000:
         raise UsageError(f'horizon / step must not exceed 1000 points, got {values["horizon"]} s / {values["step"]} s')
 
