@@ -52,6 +52,13 @@ def test_two_agreeing_stamps_after_a_jump_reset_once():
         assert not judge(start + 20 * MS, 0).reset
 
 
+def test_a_pause_resets_at_once():
+    judge = policy().judge
+    judge(10 * S, 10 * S + 2 * MS)
+    verdict = judge(15 * S, 15 * S + 30 * MS)
+    assert verdict.stamp == 15 * S and verdict.reset
+
+
 def test_a_repeated_wild_stamp_does_not_confirm_itself():
     judge = policy(max_age=0).judge
     judge(10 * S, 0)
@@ -60,7 +67,7 @@ def test_a_repeated_wild_stamp_does_not_confirm_itself():
 
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.integers(-2**62, 2**62), max_size=40))
-def test_any_stamps_are_judged_and_only_confirmed_jumps_reset(stamps):
+def test_any_stamps_are_judged_and_without_a_pause_only_confirmed_jumps_reset(stamps):
     judge = policy(max_age=0).judge
     dropped = False
     for stamp in stamps:

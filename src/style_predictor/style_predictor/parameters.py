@@ -69,6 +69,7 @@ PREDICTOR = ParameterTable((
 PLAYER = ParameterTable((
     Parameter('file', '', 'Motion file (AMC, BVH, CSV, NPZ, bag) to play', live=False),
     Parameter('skeleton', '', 'Skeleton file where the format needs one; empty to look beside the motion', live=False),
+    Parameter('topic', '', 'Topic of a bag; empty where it holds one topic of joint states', live=False),
     Parameter('joints', (), 'Joints to play (patterns; a leading ! leaves out); all where empty', live=False),
     Parameter('joint_map', '', 'YAML file from the motion\'s joints to the robot\'s', live=False),
     Parameter('rate', 0.0, 'Resample to this rate; 0 keeps the recording\'s own stamps', unit='Hz', lower=0.0,

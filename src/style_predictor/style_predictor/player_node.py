@@ -15,6 +15,7 @@ from style_core.formats import read_motion
 from style_core.live.joint_map import identity_map, read_joint_map
 from style_core.live.player import loop_cut, play
 from style_core.live.stamp_policy import NANOSECONDS
+from style_core.skeleton import read_skeleton
 from style_predictor.parameters import PLAYER, faults_of
 from style_predictor.ros_parameters import declare, values_of, watch
 
@@ -82,12 +83,12 @@ def _motion_of(values, logger):
     """The motion to play, as the parameters say."""
     if not values['file']:
         raise UsageError('the parameter file is empty: give the path of a motion file')
-    motion = continuous(read_motion(values['file'], skeleton=values['skeleton'] or None))
+    skeleton = read_skeleton(values['skeleton']) if values['skeleton'] else None
+    motion = continuous(read_motion(values['file'], skeleton, values['start'] or None, values['stop'] or None,
+                                    **({'topic': values['topic']} if values['topic'] else {})))
     joints = [pattern for pattern in values['joints'] if pattern]
     if joints:
         motion = motion.select(*joints)
-    if values['start'] or values['stop']:
-        motion = motion.slice(values['start'] or None, values['stop'] or None)
     if values['rate']:
         motion = motion.resample(values['rate'])
     if values['loop'] == 'seamless':

@@ -34,7 +34,8 @@ class StampPolicy:
     the future; zero turns both checks off (a recording played back without its clock). A stamp more than
     ``reorder_window`` behind the newest, or more than ``max_gap`` ahead, is a jump of the clock: the first such message
     is dropped, and when a second one agrees with it everything starts again from there. So one message with a broken
-    stamp costs nothing, and a looped recording costs one message.
+    stamp costs nothing, and a looped recording costs one message. Where stamps and arrivals both say that time has passed
+    there was a pause, and everything starts again at once.
     """
 
     def __init__(self, max_age, max_gap, reorder_window):
@@ -45,7 +46,7 @@ class StampPolicy:
 
     def reset(self):
         """Forget all stamps."""
-        self._newest = None
+        self._newest = self._newest_arrival = None
         self._candidate = None
 
     def judge(self, stamp, arrival):
@@ -59,15 +60,17 @@ class StampPolicy:
             if stamp - arrival > self.max_age:
                 return StampVerdict(None, 'future')
         if self._newest is None:
-            self._newest = stamp
+            self._newest, self._newest_arrival = stamp, arrival
             return StampVerdict(stamp, reason)
         ahead = stamp - self._newest
         if -self.reorder_window <= ahead <= self.max_gap:
-            self._newest = max(self._newest, stamp)
+            if ahead >= 0:
+                self._newest, self._newest_arrival = stamp, arrival
             self._candidate = None
             return StampVerdict(stamp, reason)
-        if self._candidate is not None and 0 < stamp - self._candidate <= self.max_gap:
-            self._newest, self._candidate = stamp, None
+        paused = ahead > 0 and abs(arrival - self._newest_arrival - ahead) <= self.max_gap
+        if paused or (self._candidate is not None and 0 < stamp - self._candidate <= self.max_gap):
+            self._newest, self._newest_arrival, self._candidate = stamp, arrival, None
             return StampVerdict(stamp, reason, reset=True)
         self._candidate = stamp
         return StampVerdict(None, 'jump')

@@ -1,0 +1,51 @@
+"""Play a motion file or a bag through the predictor, as if it happened now.
+
+ros2 launch launch/replay.launch.py file:=walk.amc model:=/path/to/model.npz
+ros2 launch launch/replay.launch.py file:=my_bag/ model:=/path/to/model.npz loop:=seamless drop:="[l*]" drop_from:=5.0
+"""
+import sys
+from pathlib import Path
+
+import yaml
+from launch_ros.actions import Node
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+
+sys.path.insert(0, str(Path(__file__).parent))
+from nodes import CONFIG, predictor
+
+PREDICTOR = {
+    'model': ('', 'model file: absolute, or the name of one in config/models'),
+    'joint_map': ('', 'YAML file from model joints to robot joints; empty where they are the same'),
+    'params': (str(CONFIG / 'predictor.yaml'), 'parameter file of the predictor'),
+}
+PLAYER = {
+    'file': ('', 'motion file or bag'), 'skeleton': ('', 'skeleton file where the format needs one'),
+    'topic': ('', 'topic of a bag with several'), 'rate': ('0.0', 'Hz; 0 as recorded'), 'speed': ('1.0', 'how fast'),
+    'loop': ('no', 'no, repeat or seamless'), 'stamps': ('clock', 'clock, zero or file'),
+    'joints': ('[]', 'patterns of joints to play'),
+    'drop': ('[]', 'patterns of joints whose sensors go dark'), 'drop_from': ('0.0', 's'), 'drop_until': ('0.0', 's'),
+    'noise_std': ('0.0', 'rad'), 'jitter': ('0.0', 'share of the sample interval'), 'lose': ('0.0', 'probability'),
+    'seed': ('0', 'of everything random'),
+}
+
+
+def player(context):
+    """The player, with every argument read as YAML as on a command line."""
+    given = {name: LaunchConfiguration(name).perform(context) for name in PLAYER}
+    values = {name: text if name in ('file', 'skeleton', 'topic') else yaml.safe_load(text)
+              for name, text in given.items()}
+    # no stays a word: YAML would make it false
+    values['loop'] = given['loop']
+    return [Node(package='style_predictor', executable='motion_player', name='motion_player', output='screen',
+                 parameters=[{name: value for name, value in values.items() if value != []}])]
+
+
+def generate_launch_description():
+    """Player and predictor."""
+    return LaunchDescription([
+        DeclareLaunchArgument(name, default_value=default, description=text)
+        for name, (default, text) in {**PREDICTOR, **PLAYER}.items()
+    ] + predictor(**{name: LaunchConfiguration(name) for name in PREDICTOR}) + [OpaqueFunction(function=player)])
