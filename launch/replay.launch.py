@@ -7,11 +7,11 @@ import sys
 from pathlib import Path
 
 import yaml
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.substitutions import LaunchConfiguration
 
 sys.path.insert(0, str(Path(__file__).parent))
 from nodes import CONFIG, predictor
@@ -40,7 +40,8 @@ def player(context):
     # no stays a word: YAML would make it false
     values['loop'] = given['loop']
     return [Node(package='style_predictor', executable='motion_player', name='motion_player', output='screen',
-                 parameters=[{name: value for name, value in values.items() if value != []}])]
+                 parameters=[{name: value for name, value in values.items() if value != []},
+                             {'await_subscriber': True}])]
 
 
 def generate_launch_description():

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import rclpy
 from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
-from rcl_interfaces.srv import SetParametersAtomically
 from sensor_msgs.msg import JointState
 
 from style_core.phase_style import save_behaviours

@@ -44,14 +44,25 @@ class PlayerNode(Node):
         self.done = rclpy.task.Future()
         self._exit_at_end = values['exit_at_end']
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._start = self._steady.now().nanoseconds + round(values['delay'] * NANOSECONDS)
-        self._start_stamp = self.get_clock().now().nanoseconds + round(values['delay'] * NANOSECONDS)
+        self._delay = round(values['delay'] * NANOSECONDS)
         self._pending = next(self._samples)
-        self._timer = self.create_timer(max(values['delay'], 1e-4), self._on_timer, clock=self._steady)
+        self._timer = self.create_timer(0.05, self._begin if values['await_subscriber'] else self._play,
+                                        clock=self._steady)
+        if not values['await_subscriber']:
+            self._set_start()
         self.get_logger().info(f'playing {motion.name or values["file"]}: {motion.n_frames} frames, '
                                f'{len(self._names)} joints, {motion.rate_hz:g} Hz, loop: {values["loop"]}')
 
-    def _on_timer(self):
+    def _begin(self):
+        if self._output.get_subscription_count():
+            self._set_start()
+            self._timer.callback = self._play
+
+    def _set_start(self):
+        self._start = self._steady.now().nanoseconds + self._delay
+        self._start_stamp = self.get_clock().now().nanoseconds + self._delay
+
+    def _play(self):
         while self._pending is not None:
             wait = self._start + round(self._pending.due * NANOSECONDS) - self._steady.now().nanoseconds
             if wait > 20_000:  # 20 microseconds early is on time
@@ -70,9 +81,8 @@ class PlayerNode(Node):
         truth = JointState(name=self._names, position=array.array('d', sample.truth.tobytes()))
         if sample.stamp is not None:
             epoch = self._epoch if self._mode == 'file' else self._start_stamp
-            stamp = epoch + round(sample.stamp * NANOSECONDS)
-            if stamp < 0:
-                raise UsageError('a stamp before 1970 cannot be sent: jump_by reaches too far back')
+            # a recording may begin at zero, but a stamp of zero would mean that there is none
+            stamp = max(epoch + round(sample.stamp * NANOSECONDS), 1)
             for header in (message.header, truth.header):
                 header.stamp.sec, header.stamp.nanosec = divmod(stamp, NANOSECONDS)
         self._output.publish(message)

@@ -86,7 +86,8 @@ class FrameAssembler:
         if self._first is not None and (
                 abs(stamp - self._first) > self.merge_window or self._present[channels].any()):
             frames.append(self._release())
-        self._interval[channels] = np.where(last > _NEVER, stamp - last, 0)
+        # an interval longer than the time-out was a pause and says nothing: such a channel is due at once
+        self._interval[channels] = np.where(last > stamp - self.timeout, stamp - last, 0)
         self._last[channels] = stamp
         self._awaited[channels] = True
         if stamp <= self._released:
