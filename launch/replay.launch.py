@@ -30,6 +30,7 @@ PLAYER = {
     'noise_std': ('0.0', 'rad'), 'jitter': ('0.0', 'share of the sample interval'), 'lose': ('0.0', 'probability'),
     'seed': ('0', 'of everything random'),
 }
+LISTENERS = DeclareLaunchArgument('listeners', default_value='1', description='play once so many listen')
 
 
 def player(context):
@@ -41,12 +42,12 @@ def player(context):
     values['loop'] = given['loop']
     return [Node(package='style_predictor', executable='motion_player', name='motion_player', output='screen',
                  parameters=[{name: value for name, value in values.items() if value != []},
-                             {'await_subscriber': True}])]
+                             {'await_subscribers': int(LaunchConfiguration('listeners').perform(context))}])]
 
 
 def generate_launch_description():
     """Player and predictor."""
-    return LaunchDescription([
+    return LaunchDescription([LISTENERS] + [
         DeclareLaunchArgument(name, default_value=default, description=text)
         for name, (default, text) in {**PREDICTOR, **PLAYER}.items()
     ] + predictor(**{name: LaunchConfiguration(name) for name in PREDICTOR}) + [OpaqueFunction(function=player)])

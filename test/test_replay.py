@@ -19,7 +19,7 @@ from launch_testing.actions import ReadyToTest
 from sensor_msgs.msg import JointState
 
 from launch import LaunchDescription
-from style_core.formats import write_motion
+from style_core.formats import read_motion, write_motion
 from style_core.synthetic import synthetic_people
 from style_msgs.msg import StyleEstimate
 
@@ -90,7 +90,10 @@ class TestReplay(unittest.TestCase):
         probe.wait(lambda: self.summary() == 'no joint states arrive', 15.0)  # everything has been played
         truth = {stamp_of(message): dict(zip(message.name, message.position))
                  for message in self.heard('/motion_player/truth')}
-        start = min(truth)
+        # the first of them that reached us tells when the file began: the truth is the file's own frames
+        first, poses = min(truth), read_motion(recording()).positions
+        frame = np.argmin(np.abs(poses - [truth[first][name] for name in truth[first]]).sum(axis=1))
+        start = first - int(frame) * 1_000_000_000 / 60
         filled = {stamp_of(message): message for message in self.heard('/predictor/filled')}
         dark_errors, phases = [], []
         for message in self.heard('/predictor/estimate'):

@@ -80,7 +80,7 @@ PLAYER = ParameterTable((
     Parameter('speed', 1.0, 'How fast to play; 1 as recorded', lower=0.01, upper=100.0, live=False),
     Parameter('loop', 'no', 'Play once; again and again; or again and again cut at the best matching poses',
               choices=LOOPS, live=False),
-    Parameter('await_subscriber', False, 'Wait until someone listens to the joint states', live=False),
+    Parameter('await_subscribers', 0, 'Wait until so many listen to the joint states', lower=0, upper=100, live=False),
     Parameter('delay', 0.5, 'Then wait so long before the first sample', unit='s', lower=0.0, upper=60.0, live=False),
     Parameter('stamps', 'clock', 'Stamps of the clock, zero stamps, or those of the recording', choices=STAMP_MODES,
               live=False),

@@ -46,19 +46,16 @@ class PlayerNode(Node):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._delay = round(values['delay'] * NANOSECONDS)
         self._pending = next(self._samples)
-        self._timer = self.create_timer(0.05, self._begin if values['await_subscriber'] else self._play,
-                                        clock=self._steady)
-        if not values['await_subscriber']:
-            self._set_start()
+        self._wanted = values['await_subscribers']
+        self._timer = self.create_timer(0.02, self._begin, clock=self._steady)
         self.get_logger().info(f'playing {motion.name or values["file"]}: {motion.n_frames} frames, '
                                f'{len(self._names)} joints, {motion.rate_hz:g} Hz, loop: {values["loop"]}')
 
     def _begin(self):
-        if self._output.get_subscription_count():
-            self._set_start()
-            self._timer.callback = self._play
-
-    def _set_start(self):
+        """Wait for listeners, then take the time."""
+        if self._output.get_subscription_count() < self._wanted:
+            return
+        self._timer.callback = self._play
         self._start = self._steady.now().nanoseconds + self._delay
         self._start_stamp = self.get_clock().now().nanoseconds + self._delay
 
