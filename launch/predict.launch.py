@@ -18,6 +18,7 @@ ARGUMENTS = {
     'model': ('', 'model file: absolute, or the name of one in config/models'),
     'joint_map': ('', 'YAML file from model joints to robot joints; empty where they are the same'),
     'params': (str(CONFIG / 'predictor.yaml'), 'parameter file of the predictor'),
+    'method': ('full', 'full, or paper: the published method alone'),
     'joint_states': ('joint_states', 'topic of the joint states'),
     'namespace': ('', 'namespace of the node'),
     'autostart': ('true', 'configure and activate the node'),

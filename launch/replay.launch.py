@@ -20,6 +20,7 @@ PREDICTOR = {
     'model': ('', 'model file: absolute, or the name of one in config/models'),
     'joint_map': ('', 'YAML file from model joints to robot joints; empty where they are the same'),
     'params': (str(CONFIG / 'predictor.yaml'), 'parameter file of the predictor'),
+    'method': ('full', 'full, or paper: the published method alone'),
 }
 PLAYER = {
     'file': ('', 'motion file or bag'), 'skeleton': ('', 'skeleton file where the format needs one'),

@@ -37,7 +37,7 @@ class LiveModel:
     def is_discrete(self, estimate):
         """Whether the phase of ``estimate`` runs from start to goal: that of its most probable behaviour."""
         behaviour = max(estimate.behaviours, key=estimate.behaviours.get, default=next(iter(self.rhythmic)))
-        return not self.rhythmic[behaviour]
+        return not self.rhythmic.get(behaviour, True)  # standing still, which the filter adds, has no goal
 
 
 def load_live(path, method, horizons):

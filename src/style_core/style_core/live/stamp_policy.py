@@ -34,8 +34,8 @@ class StampPolicy:
     the future; zero turns both checks off (a recording played back without its clock). A stamp more than
     ``reorder_window`` behind the newest, or more than ``max_gap`` ahead, is a jump of the clock: the first such message
     is dropped, and when a second one agrees with it everything starts again from there. So one message with a broken
-    stamp costs nothing, and a looped recording costs one message. Where stamps and arrivals both say that time has passed
-    there was a pause, and everything starts again at once.
+    stamp costs nothing, and a looped recording costs one message. Where stamps and arrivals both say that time has
+    passed there was a pause, and everything starts again at once.
     """
 
     def __init__(self, max_age, max_gap, reorder_window):

@@ -1,0 +1,73 @@
+"""The main job, live: a person walks, the predictor follows and looks ahead; half-way one leg's sensors go dark.
+
+Player and predictor run as ROS 2 nodes; everything they say is recorded as a bag, then scored and drawn. The walk is a
+real one of a person the model has never seen where recordings are at hand (STYLE_MOCAP, else ../shared/mocap), else a
+synthetic gait.
+"""
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+ROOT = Path(__file__).resolve().parents[1]
+DARK = ('lfemur.*', 'ltibia.*', 'lfoot.*', 'ltoes.*')
+
+
+def main():
+    """Run the demo; returns the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--seconds', type=float, default=20.0, help='length of the walk (default: 20)')
+    parser.add_argument('--synthetic', action='store_true', help='use the synthetic gait even where recordings exist')
+    parser.add_argument('--trial', default='16_32', help='recording to play (default: 16_32)')
+    parser.add_argument('--method', default='full', choices=('full', 'paper'), help='filter (default: full)')
+    parser.add_argument('--output', type=Path, default=ROOT / 'out' / 'demo', help='folder (default: out/demo)')
+    args = parser.parse_args()
+    if args.seconds < 6:
+        parser.error('--seconds must be at least 6: the filter needs a moment, and so does the leg')
+    os.environ['ROS_LOCALHOST_ONLY'] = '1'
+    os.environ['ROS_DOMAIN_ID'] = os.environ.get('STYLE_DEMO_DOMAIN', str(1 + os.getpid() % 100))
+    os.environ.setdefault('OMP_NUM_THREADS', '1')
+
+    from demo_material import material
+    from demo_report import report
+    from recording import Recorder
+
+    args.output.mkdir(parents=True, exist_ok=True)
+    show = material(args.output, args.synthetic, args.trial)
+    print(show.story)
+    dark_from = round(args.seconds / 2, 3)
+    recorder = Recorder()
+    with open(args.output / 'nodes.log', 'w') as log:
+        nodes = subprocess.Popen(
+            ['ros2', 'launch', str(ROOT / 'launch' / 'replay.launch.py'), f'model:={show.model}', f'file:={show.file}',
+             'loop:=repeat', f'drop:={list(DARK)}', f'drop_from:={dark_from}', f'method:={args.method}',
+             'listeners:=2'], stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
+    try:
+        print(f'Walking for {args.seconds:g} s; the left leg goes dark after {dark_from:g} s ...', flush=True)
+        recorder.record(args.seconds, lambda: nodes.poll() is None)
+    finally:
+        if nodes.poll() is None:
+            os.killpg(nodes.pid, signal.SIGINT)
+            try:
+                nodes.wait(10)
+            except subprocess.TimeoutExpired:
+                os.killpg(nodes.pid, signal.SIGKILL)
+                nodes.wait()
+        recorder.close()
+    if not recorder.messages:
+        print(f'Nothing came back from the nodes; see {args.output / "nodes.log"}', file=sys.stderr)
+        return 1
+    bag = args.output / time.strftime('bag_%Y%m%d_%H%M%S')
+    recorder.write(bag)
+    report(recorder, show, dark_from, args.method, args.output)
+    print(f'\nPictures: {args.output}/*.png\nBag:      {bag}')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
