@@ -6,10 +6,9 @@ ros2 launch launch/predict.launch.py model:=walk_run.npz params:=my_robot.yaml j
 import sys
 from pathlib import Path
 
+from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
-
-from launch import LaunchDescription
 
 sys.path.insert(0, str(Path(__file__).parent))
 from nodes import CONFIG, predictor

@@ -7,11 +7,10 @@ import sys
 from pathlib import Path
 
 import yaml
+from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-
-from launch import LaunchDescription
 
 sys.path.insert(0, str(Path(__file__).parent))
 from nodes import CONFIG, predictor

@@ -135,11 +135,11 @@ def _curves(session, dark_from):
     start, stop = dark_from - 3, dark_from + 4
     rows = (session.at + session.horizons[ahead] > start) & (session.at < stop)
     actual = (session.truth.times > start) & (session.truth.times < stop)
+    label = f'predicted {1e3 * session.horizons[ahead]:.0f} ms before'
     return pictures.joint_curves(
         names, [pictures.Line('actual', session.truth.times[actual], session.truth.positions[actual][:, columns]),
-                pictures.Line(f'predicted {1e3 * session.horizons[ahead]:.0f} ms before, with band of two standard '
-                              'deviations', session.at[rows] + session.horizons[ahead],
-                              session.mean[rows, ahead][:, columns], session.std[rows, ahead][:, columns])],
+                pictures.Line(label, session.at[rows] + session.horizons[ahead], session.mean[rows, ahead][:, columns],
+                              session.std[rows, ahead][:, columns])],
         title='Predicted joints; the left leg goes dark', spans=[(dark_from, stop, 'left leg dark')])
 
 

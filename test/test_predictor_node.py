@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from harness import Probe, small_model, stamp_of
+from launch import LaunchDescription
 from launch.actions import IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch_testing.actions import ReadyToTest
@@ -20,7 +21,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
-from launch import LaunchDescription
 from style_core.synthetic import synthetic_people
 from style_msgs.msg import MotionPrediction, StyleEstimate
 from style_msgs.srv import LoadModel, ResetEstimate, SetMask

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from harness import Probe, small_model, stamp_of
+from launch import LaunchDescription
 from launch.actions import IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch_testing.actions import ReadyToTest
 from sensor_msgs.msg import JointState
 
-from launch import LaunchDescription
 from style_core.formats import read_motion, write_motion
 from style_core.synthetic import synthetic_people
 from style_msgs.msg import StyleEstimate
