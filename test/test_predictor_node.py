@@ -3,7 +3,6 @@ import json
 import math
 import os
 import unittest
-from itertools import count
 from pathlib import Path
 
 import harness
@@ -45,9 +44,9 @@ class TestPredictor(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        cls.walk = synthetic_people(1, seed=77, duration_s=20.0)[0]
+        cls.walk = synthetic_people(1, seed=77, duration_s=200.0)[0]
         cls.names = list(cls.walk.joint_names)
-        cls.frame = count()
+        cls.start = None
         cls.probe = Probe('predictor', {
             '/predictor/trajectory': (JointTrajectory, None), '/predictor/prediction': (MotionPrediction, None),
             '/predictor/estimate': (StyleEstimate, None), '/predictor/filled': (JointState, None),
@@ -61,23 +60,29 @@ class TestPredictor(unittest.TestCase):
         return self.probe.heard[f'/predictor/{topic}']
 
     def play(self, frames, change=None, answered=True):
-        """Send frames of the walk at 100 Hz, waiting for the answer to each; returns their stamps."""
+        """Send the walk at about 100 Hz, waiting for the answer to each pose; returns the stamps."""
         stamps = []
         for _ in range(frames):
-            number = next(self.frame) % self.walk.n_frames
-            names, positions, stamp = self.names, self.walk.positions[number], self.probe.now()
+            stamp = self.probe.now()
+            names, positions = self.names, self.pose(stamp)
             if change:
                 names, positions, stamp = change(names, positions, stamp)
             before = len(self.heard('filled'))
             self.probe.send(names, positions, stamp)
             stamps.append(stamp)
             if answered:
-                self.assertTrue(self.probe.wait(lambda n=before: len(self.heard('filled')) > n, 3.0),
-                                'no answer within 3 s')
+                self.assertTrue(self.probe.wait(lambda n=before: len(self.heard('filled')) > n, 10.0),
+                                'no answer within 10 s')
                 self.probe.spin(0.004)
             else:
                 self.probe.spin(0.008)
         return stamps
+
+    def pose(self, stamp):
+        """Where the walker is at a time, however fast this machine gets on."""
+        type(self).start = self.start or stamp
+        self.last = self.walk.at([1e-9 * (stamp - self.start)]).positions[0]
+        return self.last
 
     def clear(self):
         self.probe.spin(0.1)
@@ -94,10 +99,6 @@ class TestPredictor(unittest.TestCase):
     def fact(self, name):
         return int(self.diagnostics()[2][name])
 
-    def truth(self):
-        """The pose sent last."""
-        return self.walk.positions[(next(self.frame) - 1) % self.walk.n_frames]
-
     def test_01_every_transition(self):
         probe = self.probe
         self.assertTrue(probe.wait(lambda: probe.state() == 'unconfigured', 15.0))
@@ -110,7 +111,8 @@ class TestPredictor(unittest.TestCase):
             self.assertFalse(probe.transition('configure'), f'configured with {path!r}')
             self.assertEqual(probe.state(), 'unconfigured')
         broken.unlink()
-        self.assertEqual(probe.set_parameters(model=good), '')
+        # a busy machine may take its time: only what is older than 5 s is stale here
+        self.assertEqual(probe.set_parameters(model=good, max_stamp_age=5.0), '')
         for label, state in (('configure', 'inactive'), ('activate', 'active'), ('deactivate', 'inactive'),
                              ('cleanup', 'unconfigured'), ('configure', 'inactive')):
             self.assertTrue(probe.transition(label), label)
@@ -141,7 +143,7 @@ class TestPredictor(unittest.TestCase):
         np.testing.assert_allclose(np.gradient(mean, 1 / 60, axis=0)[1:-1], velocity[1:-1], atol=0.4)
         std = np.array(prediction.standard_deviation).reshape(24, 50)
         self.assertTrue((std > 0).all() and np.isfinite(std).all())
-        np.testing.assert_array_equal(self.heard('filled')[-1].position, self.truth())
+        np.testing.assert_array_equal(self.heard('filled')[-1].position, self.last)
         estimate = self.heard('estimate')[-1]
         self.assertEqual((estimate.status, estimate.discrete), (StyleEstimate.TRACKING, False))
         self.assertTrue(all(estimate.observed) and len(estimate.observed) == 50)
@@ -155,7 +157,7 @@ class TestPredictor(unittest.TestCase):
         np.testing.assert_array_equal(self.heard('estimate')[-1].observed, ~dark)
         filled = np.array(self.heard('filled')[-1].position)
         # one frame may still be on its way into the answer: compare with the neighbourhood
-        error = np.degrees(np.abs(filled - self.truth()))
+        error = np.degrees(np.abs(filled - self.last))
         self.assertLess(error[dark].max(), 25.0)
         self.assertLess(np.sqrt(np.mean(error[dark]**2)), 8.0)
         self.assertIn('timed out', ' '.join(self.diagnostics()[2]))
@@ -208,7 +210,7 @@ class TestPredictor(unittest.TestCase):
         stamps = [stamp_of(message) for message in self.heard('trajectory')]
         self.assertTrue((np.diff(stamps) > 0).all() and stamps[0] > before)
         self.clear()
-        for offset in (-700 * MS, 700 * MS):
+        for offset in (-7000 * MS, 9000 * MS):
             self.play(3, lambda n, p, s, o=offset: (n, p, s + o), answered=False)
         again = self.play(1)[0]
         self.play(3, lambda n, p, s: (n, p, again), answered=False)
@@ -235,14 +237,16 @@ class TestPredictor(unittest.TestCase):
         self.play(1, lambda n, p, s: (n, p, s - 50_000 * MS), answered=False)  # a single broken stamp
         self.play(5)
         self.assertEqual(self.fact('clock resets'), resets + 2)
-        self.assertEqual(self.probe.set_parameters(max_stamp_age=0.5), '')
+        self.assertEqual(self.probe.set_parameters(max_stamp_age=5.0), '')
 
     def test_08_partial_messages_of_two_publishers_are_one(self):
         half = len(self.names) // 2
+        self.assertEqual(self.probe.set_parameters(max_stamp_age=0.0), '')  # these stamps may fall behind the clock
         self.clear()
         start = self.probe.now()
         for number in range(20):
-            positions, stamp = self.walk.positions[next(self.frame) % self.walk.n_frames], start + 10 * number * MS
+            stamp = start + 10 * number * MS
+            positions = self.pose(stamp)
             self.probe.send(self.names[:half], positions[:half], stamp)
             self.probe.send(self.names[half:], positions[half:], stamp + MS)
             self.probe.spin(0.012)
@@ -252,6 +256,7 @@ class TestPredictor(unittest.TestCase):
         whole = [message for message in self.heard('estimate') if stamp_of(message) >= start + 50 * MS]
         self.assertEqual([stamp_of(message) for message in whole], wanted)
         self.assertTrue(all(all(message.observed) for message in whole))
+        self.assertEqual(self.probe.set_parameters(max_stamp_age=5.0), '')
 
     def test_09_mask_and_reset(self):
         response = self.probe.call(SetMask, 'set_mask', joints=['r*'], masked=True)

@@ -186,7 +186,7 @@ def _channel(key, side, rows, style, phase, amplitude):
     return -curve if side == 'r' and axis != 'rx' else curve
 
 
-def synthetic_people(count, seed=0, run=0.0, duration_s=8.0):
+def synthetic_people(count, seed=0, run=0.0, duration_s=8.0, noise_std=0.01):
     """Gaits of people drawn at random, to learn from.
 
     Parameters
@@ -196,6 +196,8 @@ def synthetic_people(count, seed=0, run=0.0, duration_s=8.0):
         Another seed makes other people.
     run : float
     duration_s : float
+    noise_std : float
+        Of white noise as sensors have it, rad; without any, a model learns that there is none.
 
     Returns
     -------
@@ -203,5 +205,9 @@ def synthetic_people(count, seed=0, run=0.0, duration_s=8.0):
         Named ``p0_gait``, ``p1_gait`` and so on: the part before the underscore is the person.
     """
     rng = np.random.default_rng(seed)
-    return [synthetic_gait(duration_s, random_style(rng, run), seed=seed + 1000 * number + 1)[0].replace(
-        name=f'p{number}_gait') for number in range(count)]
+    people = []
+    for number in range(count):
+        gait, _ = synthetic_gait(duration_s, random_style(rng, run), seed=seed + 1000 * number + 1)
+        noise = noise_std * rng.standard_normal(gait.positions.shape)
+        people.append(gait.replace(name=f'p{number}_gait', positions=gait.positions + noise))
+    return people
