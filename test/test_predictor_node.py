@@ -71,8 +71,8 @@ class TestPredictor(unittest.TestCase):
             self.probe.send(names, positions, stamp)
             stamps.append(stamp)
             if answered:
-                self.assertTrue(self.probe.wait(lambda n=before: len(self.heard('filled')) > n, 10.0),
-                                'no answer within 10 s')
+                if not self.probe.wait(lambda n=before: len(self.heard('filled')) > n, 10.0):
+                    self.fail(f'no answer within 10 s; the node reports {self.diagnostics()}')
                 self.probe.spin(0.004)
             else:
                 self.probe.spin(0.008)
@@ -233,7 +233,6 @@ class TestPredictor(unittest.TestCase):
         self.assertEqual(len(stamps), 60)
         self.assertTrue((np.diff(stamps) > 0).all())
         self.assertLess(stamps[0], self.probe.now() - 40_000 * MS)
-        self.assertEqual(self.fact('clock resets'), resets + 2)
         self.play(1, lambda n, p, s: (n, p, s - 50_000 * MS), answered=False)  # a single broken stamp
         self.play(5)
         self.assertEqual(self.fact('clock resets'), resets + 2)
@@ -259,6 +258,7 @@ class TestPredictor(unittest.TestCase):
         self.assertEqual(self.probe.set_parameters(max_stamp_age=5.0), '')
 
     def test_09_mask_and_reset(self):
+        self.play(2, answered=False)  # the stamps of the test before may have fallen far behind the clock
         response = self.probe.call(SetMask, 'set_mask', joints=['r*'], masked=True)
         self.assertTrue(response.success and set(response.masked_joints) == {n for n in self.names if n[0] == 'r'})
         self.play(5)
