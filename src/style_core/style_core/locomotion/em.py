@@ -104,6 +104,8 @@ class PathMoments:
         Expected number of observed entries at each position.
     total : ndarray, shape (K, M, F)
         Expected sum of the observations there.
+    visits : ndarray, shape (K, M)
+        Expected number of frames there, observed or not.
     jumps : ndarray, shape (K, J)
         Expected number of advances by 1 .. J.
     entropy : ndarray, shape (K,)
@@ -111,6 +113,7 @@ class PathMoments:
 
     count: np.ndarray
     total: np.ndarray
+    visits: np.ndarray
     jumps: np.ndarray
     entropy: np.ndarray
 
@@ -184,10 +187,10 @@ def update_paths(data, parameters, posterior, threads=1):
         occupancy, moves = np.empty_like(scores), np.empty(n_jumps)
         log_jump = np.log(parameters.jumps[k])
         evidence, fit = kernels.forward_backward(scores, log_jump, occupancy, moves)
-        count = np.broadcast_to(occupancy.sum(axis=0)[:, None], (n_positions, n_features)) if seen is None \
-            else occupancy.T @ seen
+        visits = occupancy.sum(axis=0)
+        count = np.broadcast_to(visits[:, None], (n_positions, n_features)) if seen is None else occupancy.T @ seen
         entropy = evidence + np.log(n_positions) - moves @ log_jump - fit
-        return count, occupancy.T @ x, moves, entropy
+        return count, occupancy.T @ x, visits, moves, entropy
 
     indices = range(len(data.values))
     if threads > 1:
@@ -211,7 +214,7 @@ def update_cycles(parameters, posterior):
     size = n_features * n_styles
     mean, variance, neighbour = (np.empty((n_positions, size)) for _ in range(3))
     log_det = np.empty(size)
-    kernels.cyclic_chain(diagonal.reshape(n_positions, size), np.full(size, parameters.smoothing),
+    kernels.cyclic_chain(diagonal.reshape(n_positions, size), np.full(size, float(parameters.smoothing)),
                          potential.reshape(n_positions, size), mean, variance, neighbour, log_det)
 
     def by_style(array):
