@@ -222,7 +222,7 @@ def aligned_cycles(model, motion, n_samples=None, analysis: Optional[Analysis] =
     wanted = 2 * np.pi * (first + np.arange(n_cycles * n_samples) / n_samples)
     times = np.interp(wanted, forward, analysis.times)
     positions = motion.joints(model.joint_names).at(times).positions if n_cycles else np.empty((0, len(model.joint_names)))
-    return positions.reshape(n_cycles, n_samples, -1), times.reshape(n_cycles, n_samples)
+    return positions.reshape(n_cycles, n_samples, len(model.joint_names)), times.reshape(n_cycles, n_samples)
 
 
 def fill(model, motion):

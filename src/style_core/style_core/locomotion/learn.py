@@ -6,6 +6,7 @@ import numpy as np
 from sklearn.cluster import KMeans
 from tqdm import tqdm
 
+from style_core.alignment import period
 from style_core.errors import MotionError, UsageError
 from style_core.locomotion import em
 from style_core.locomotion.features import feature_map
@@ -13,7 +14,7 @@ from style_core.locomotion.infer import smooth
 from style_core.locomotion.model import LocomotionModel
 from style_core.locomotion.personal import estimate
 
-__all__ = ['Fit', 'Sizes', 'cycle_sizes', 'fit', 'learn', 'own_period']
+__all__ = ['Fit', 'Sizes', 'cycle_sizes', 'fit', 'learn', 'features_of', 'standard']
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,69 +35,50 @@ class Sizes:
     max_jump: int
 
 
-def own_period(x, shortest=8):
-    """Period of one recording by its own repetition, in frames.
-
-    The mean squared distance between frames a lag apart, divided by its average over shorter lags (de Cheveigne and
-    Kawahara 2002, for one sound; here for all features together); the first deep minimum, refined by a parabola.
+def cycle_sizes(recordings, rate_hz):
+    """Periods of the recordings, and M and J that follow: M = 2 N for the middle period N, J to follow the fastest.
 
     Parameters
     ----------
-    x : ndarray, shape (T, F)
-        NaN = missing.
-    shortest : int
-        Smallest period considered.
-
-    Returns
-    -------
-    float
-        NaN where the recording is too short or does not repeat: at most 80 % of its length can be told.
-    """
-    longest = int(0.8 * len(x))
-    if longest < shortest + 2:
-        return float('nan')
-    distance = np.empty(longest)
-    for lag in range(1, longest + 1):
-        gap = (x[lag:] - x[:-lag])**2
-        there = np.isfinite(gap)
-        distance[lag - 1] = gap[there].mean() if there.any() else np.nan
-    running = np.cumsum(np.nan_to_num(distance)) / np.maximum(np.cumsum(np.isfinite(distance)), 1)
-    ratio = np.where(np.isfinite(distance) & (running > 0), distance / np.where(running > 0, running, 1.0), np.inf)
-    for lag in range(shortest, longest - 1):
-        low, middle, high = ratio[lag - 1:lag + 2]
-        if middle < 0.5 and middle < low and middle <= high:
-            bend = low - 2 * middle + high
-            return lag + 1 + (0.5 * (low - high) / bend if np.isfinite(bend) and bend > 0 else 0.0)
-    return float('nan')
-
-
-def cycle_sizes(recordings, shortest=8):
-    """Periods of the recordings, and M and J that follow: M = 2 N for the middle period N, J to follow the fastest.
+    recordings : sequence of ndarray, shape (T_k, F)
+        Scaled so that the features count alike; NaN = missing.
+    rate_hz : float
 
     Raises
     ------
     MotionError
         If no recording repeats.
     """
-    periods = tuple(own_period(x, shortest) for x in recordings)
+    periods = []
+    for x in recordings:
+        try:
+            periods.append(period(_bridged(x), rate_hz) * rate_hz)
+        except MotionError:     # too short or without repetition: it follows the others, but cannot start them
+            periods.append(float('nan'))
     known = np.array([p for p in periods if np.isfinite(p)])
     if not known.size:
         raise MotionError('no recording repeats: a locomotion model needs at least one with more than one and a quarter '
                           'cycles')
     # a position is passed at least every frame, so the slowest walk must still fit into one round
     n_positions = max(int(round(2 * np.median(known))), int(np.ceil(1.15 * known.max())))
-    return Sizes(periods, n_positions, max(3, int(np.ceil(1.15 * n_positions / known.min()))))
+    return Sizes(tuple(periods), n_positions, max(3, int(np.ceil(1.15 * n_positions / known.min()))))
 
 
-def _first_cycle(x, period, n_positions):
-    """First cycle of a recording over M positions, its end drawn to its start."""
+def _bridged(x):
+    """Missing entries (NaN) interpolated in time; a feature never seen is zero."""
     frames = np.arange(len(x))
-    filled = np.empty_like(x)
-    for f in range(x.shape[1]):
-        there = np.isfinite(x[:, f])
-        filled[:, f] = np.interp(frames, frames[there], x[there, f]) if there.any() else 0.0
-    where = np.arange(n_positions + 1) / n_positions * period
-    cycle = np.stack([np.interp(where, frames, column) for column in filled.T], axis=1)
+    filled = np.zeros_like(x)
+    for f, column in enumerate(x.T):
+        there = np.isfinite(column)
+        if there.any():
+            filled[:, f] = np.interp(frames, frames[there], column[there])
+    return filled
+
+
+def _first_cycle(x, period_frames, n_positions):
+    """First cycle of a recording over M positions, its end drawn to its start."""
+    where = np.arange(n_positions + 1) / n_positions * period_frames
+    cycle = np.stack([np.interp(where, np.arange(len(x)), column) for column in _bridged(x).T], axis=1)
     return cycle[:-1] - np.linspace(0, 1, n_positions + 1)[:-1, None] * (cycle[-1] - cycle[0])
 
 
@@ -222,9 +204,9 @@ def learn(motions, n_styles, *, seed=0, restarts=5, rate_hz=None, progress=False
     if n_styles < 1 or restarts < 1:
         raise UsageError(f'{n_styles} styles and {restarts} restarts: both must be at least 1')
     features, recordings, rate_hz = features_of(motions, rate_hz)
-    centre, scale = _standard(recordings, features)
+    centre, scale = standard(recordings, features)
     scaled = [(x - centre) / scale for x in recordings]
-    sizes = cycle_sizes(scaled, shortest=max(4, int(0.2 * rate_hz)))
+    sizes = cycle_sizes(scaled, rate_hz)
     n_iterations = options.get('n_iterations', 15)
     with tqdm(total=restarts * n_iterations, desc='learning', disable=None if progress else True) as bar:
         fits = [fit(scaled, sizes, n_styles, [seed, r], precision_max=(scale / features.floors)**2, threads=threads,
@@ -258,7 +240,7 @@ def features_of(motions, rate_hz=None):
     return features, [features.encode(motion.resample(rate_hz)) for motion in motions], rate_hz
 
 
-def _standard(recordings, features):
+def standard(recordings, features):
     """Mean and spread of each feature over all recordings; a constant one gets its noise floor as spread."""
     every = np.concatenate(recordings)
     there = np.isfinite(every)
