@@ -1,0 +1,86 @@
+"""Find style, cycles and phase of recordings with a locomotion model.
+
+motion-style analyze gaits.npz walk.amc run.amc              a line a recording: style, cycles, fit
+motion-style analyze gaits.npz walk.amc -o phases.csv        phase and position of every frame
+motion-style analyze gaits.npz *.amc --picture aligned.png   all recordings over common phases, coloured by style
+motion-style analyze gaits.npz --rename style0=stroll style1=run
+    give the styles of the model names that --blend understands
+"""
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+from tqdm import tqdm
+
+from style_core.cli.train_locomotion import read_recordings
+from style_core.errors import UsageError
+from style_core.locomotion.infer import analyze
+from style_core.locomotion.model import load, save
+from style_core.locomotion.pictures import alignment_picture
+from style_core.model_file import read_header
+
+__all__ = ['add_arguments', 'run']
+
+
+def add_arguments(parser, argv):
+    """FILES and what to write."""
+    parser.add_argument('files', nargs='*', metavar='FILE', help='recordings with the joints of the model')
+    parser.add_argument('-o', '--output', metavar='CSV', help='write phase and position of every frame')
+    parser.add_argument('--picture', metavar='PNG', help='draw the recordings over common phases')
+    parser.add_argument('--joints', nargs='+', metavar='JOINT', help='joints in the picture (default: the most moving four)')
+    parser.add_argument('--recorded-rate', type=float, metavar='HZ', help='of AMC recordings (default: 120)')
+    parser.add_argument('--rename', nargs='+', default=[], metavar='OLD=NEW', help='rename styles in the model file')
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+
+
+def run(args):
+    """Analyze and show."""
+    model = load(args.model)
+    if args.rename:
+        model = _rename(model, args)
+    if not args.files:
+        if args.rename:
+            return
+        raise UsageError('give recordings to analyze')
+    motions = read_recordings(args.files, args.recorded_rate, model.joint_names)
+    results = [analyze(model, motion) for motion in tqdm(motions, desc='analyzing', disable=None, leave=False)]
+    rows = [{'recording': r.name, 'style': model.style_names[r.style],
+             'probability': float(r.style_probabilities[r.style]), 'cycles': float(np.ptp(r.phase) / (2 * np.pi)),
+             'mean_period_s': float(2 * np.pi * np.ptp(r.times) / max(np.ptp(r.phase), 1e-9)),
+             'cycle_times_s': [float(t) for t in r.cycle_times_s],
+             'log_likelihood_per_value': r.log_likelihood_per_value} for r in results]
+    if args.json:
+        print(json.dumps({'model': args.model, 'recordings': rows}, indent=1))
+    else:
+        for row in rows:
+            limits = ', '.join(f'{t:.2f}' for t in row['cycle_times_s'])
+            print(f"{row['recording']}: {row['style']} (probability {row['probability']:.3f}), {row['cycles']:.2f} cycles of "
+                  f"{row['mean_period_s']:.2f} s, phase 0 at {limits or 'no time'} s, "
+                  f"{row['log_likelihood_per_value']:.2f} nats a value")
+    if args.output:
+        with open(args.output, 'w', newline='') as stream:
+            table = csv.writer(stream)
+            table.writerow(['recording', 'time_s', 'style', 'phase_rad', 'position'])
+            for r in results:
+                for t, phase, position in zip(r.times, r.phase, r.position):
+                    table.writerow([r.name, f'{t:.6f}', model.style_names[r.style], f'{phase:.6f}',
+                                    position % model.n_positions])
+    if args.picture:
+        from style_core.pictures import save as save_picture
+        save_picture(alignment_picture(model, motions, results, args.joints), args.picture)
+
+
+def _rename(model, args):
+    names = list(model.style_names)
+    for pair in args.rename:
+        old, found, new = pair.partition('=')
+        if not found or not new.isidentifier():
+            raise UsageError(f'{pair!r}: write OLD=NEW, NEW a single word of letters, digits and _')
+        names[model.style(old)] = new
+    if len(set(names)) < len(names):
+        raise UsageError(f'two styles would have one name: {", ".join(names)}')
+    model = replace(model, style_names=tuple(names))
+    header = read_header(args.model)
+    save(model, args.model, **{key: header[key] for key in ('training_files', 'seed') if key in header})
+    return model

@@ -1,0 +1,73 @@
+"""Fill in missing joints of a recording with a locomotion model.
+
+motion-style fill gaits.npz walk.csv -o filled.csv                          every missing value (NaN) of the file
+motion-style fill gaits.npz walk.amc --hide 'l*' --from 1.5 --score -o filled.amc
+    hide values first and say how well they come back
+
+Values that are there are never changed. Off line the whole recording before and after a gap is used; with --causal only
+what came before.
+"""
+import numpy as np
+
+from style_core.cli.train_locomotion import read_recordings
+from style_core.errors import MotionError, UsageError
+from style_core.formats import read_motion, write_motion
+from style_core.locomotion.infer import fill
+from style_core.locomotion.model import load
+from style_core.locomotion.online import LocomotionPredictor, fill_causally
+from style_core.motion import matching_names
+
+__all__ = ['add_arguments', 'run']
+
+
+def add_arguments(parser, argv):
+    """FILE, what to hide, where to write."""
+    parser.add_argument('file', metavar='FILE', help='recording; joints of the model that it lacks altogether are added')
+    parser.add_argument('-o', '--output', metavar='FILE', help='filled recording; the suffix says which format')
+    parser.add_argument('--hide', nargs='+', default=[], metavar='PATTERN', help='joints to hide first')
+    parser.add_argument('--from', type=float, dest='start', metavar='S', help='hide from this time on')
+    parser.add_argument('--to', type=float, dest='stop', metavar='S', help='hide up to this time')
+    parser.add_argument('--score', action='store_true', help='compare what was hidden with what was filled in')
+    parser.add_argument('--causal', action='store_true', help='use only what came before each frame, as on line')
+    parser.add_argument('--recorded-rate', type=float, metavar='HZ', help='of an AMC recording (default: 120)')
+
+
+def run(args):
+    """Hide, fill, score, write."""
+    model = load(args.model)
+    if not (args.output or args.score):
+        raise UsageError('say where to write (-o) or ask for --score')
+    options = {'rate_hz': args.recorded_rate} if args.recorded_rate and args.file.lower().endswith('.amc') else {}
+    present = set(read_motion(args.file, **options).joint_names)
+    known = [name for name in model.joint_names if name in present]
+    if not known:
+        raise MotionError(f'{args.file} has none of the joints of the model')
+    (given,) = read_recordings([args.file], args.recorded_rate, known)
+    positions = np.full((given.n_frames, len(model.joint_names)), np.nan)
+    positions[:, [model.joint_names.index(name) for name in known]] = given.joints(known).positions
+    whole = given.replace(joint_names=model.joint_names, positions=positions, units=model.features.units)
+    frames = np.ones(whole.n_frames, bool)
+    frames &= whole.times >= (-np.inf if args.start is None else args.start)
+    frames &= whole.times < (np.inf if args.stop is None else args.stop)
+    hidden = np.zeros(whole.positions.shape, bool)
+    if args.hide:
+        names = matching_names(model.joint_names, args.hide)
+        hidden[np.ix_(frames, [model.joint_names.index(name) for name in names])] = True
+    shown = whole.replace(positions=np.where(hidden, np.nan, whole.positions))
+    filled, std = fill_causally(LocomotionPredictor(model), shown) if args.causal else fill(model, shown)
+    missing = np.isnan(shown.positions)
+    print(f'filled {int(missing.sum())} of {missing.size} values in {int(missing.any(axis=1).sum())} frames and '
+          f'{int(missing.any(axis=0).sum())} joints')
+    if args.score:
+        scored = hidden & np.isfinite(whole.positions)
+        if not scored.any():
+            raise UsageError('nothing was hidden that could be scored: give --hide, and times within the recording')
+        for unit, factor, shown_unit in (('rad', 180 / np.pi, 'deg'), ('m', 1.0, 'm')):
+            chosen = scored & (np.array(model.features.units) == unit)
+            if chosen.any():
+                error = factor * (filled.positions - whole.positions)[chosen]
+                print(f'{shown_unit}: mean squared error {np.mean(error**2):.3f}, root {np.sqrt(np.mean(error**2)):.3f}, '
+                      f'{np.mean(np.abs(error) < 2 * factor * std[chosen]):.0%} within two standard deviations')
+    if args.output:
+        write_motion(filled, args.output)
+        print(f'wrote {args.output}')
