@@ -27,6 +27,8 @@ TRAINERS = {
                'style_core.cli.train_effort'),
     'style-machine': ('stylistic hidden Markov model of unlabelled recordings, for synthesis in any style',
                       'style_core.cli.train_style_machine'),
+    'locomotion': ('styles found in unlabelled recordings, aligned cycles, fill-in and blends',
+                   'style_core.cli.train_locomotion'),
 }
 
 #: Commands that work on a model file: command -> {kind: module path}. A command without a kind is not offered.
@@ -35,11 +37,12 @@ TRAINERS = {
 #: lists; ``--json`` prints it as it is).
 KIND_COMMANDS = {
     'info': {'phase-style': 'style_core.cli.info_phase_style', 'effort': 'style_core.cli.info_effort',
-             'style-machine': 'style_core.cli.info_style_machine'},
+             'style-machine': 'style_core.cli.info_style_machine', 'locomotion': 'style_core.cli.info_locomotion'},
     'predict': {'phase-style': 'style_core.cli.predict_phase_style'},
-    'evaluate': {'phase-style': 'style_core.cli.evaluate_phase_style',
-                 'style-machine': 'style_core.cli.evaluate_phase_style'},
-    'synthesize': {'style-machine': 'style_core.cli.synthesize_style_machine'},
-    'analyze': {'style-machine': 'style_core.cli.analyze_style_machine'},
-    'fill': {'phase-style': 'style_core.cli.fill_phase_style'},
+    'evaluate': {'phase-style': 'style_core.cli.evaluate_phase_style'},
+    'synthesize': {'style-machine': 'style_core.cli.synthesize_style_machine',
+                   'locomotion': 'style_core.cli.synthesize_locomotion'},
+    'analyze': {'style-machine': 'style_core.cli.analyze_style_machine',
+                'locomotion': 'style_core.cli.analyze_locomotion'},
+    'fill': {'phase-style': 'style_core.cli.fill_phase_style', 'locomotion': 'style_core.cli.fill_locomotion'},
 }

@@ -19,9 +19,10 @@ class Row:
     ----------
     n_styles : int
     held_out : float
-        Mean over recordings of their log likelihood when left out, nats an observed value.
+        Median over recordings of their log likelihood when left out, nats an observed value. (The median, because a
+        recording unlike all others says nothing about the number of styles, only how far off it is.)
     error : float
-        Standard error of the mean difference to the best candidate (0 for the best).
+        Standard error of the median difference to the best candidate (0 for the best).
     bound : float
         Variational bound with all recordings, nats. (It grows with every style that finds a recording of its own.)
     """
@@ -84,10 +85,12 @@ def choose_styles(motions, counts, *, seed=0, folds=4, **options):
                 score[row, k] = (smooth(model, x, n_rounds=0, emission=emission).log_likelihood
                                  / max(1, np.isfinite(x).sum()))
         bounds.append(learn(motions, count, seed=seed, restarts=1, **options).bounds[-1])
-    mean = score.mean(axis=1)
-    top = int(mean.argmax())
+    middle = np.median(score, axis=1)
+    top = int(middle.argmax())
     gap = score[top] - score
-    error = gap.std(axis=1, ddof=1) / np.sqrt(len(motions))
-    best = next(c for c, d, e in zip(counts, gap.mean(axis=1), error) if d <= e)
-    return Choice(tuple(Row(int(c), float(m), float(e), float(b)) for c, m, e, b in zip(counts, mean, error, bounds)),
+    typical = np.median(gap, axis=1)
+    # of a median, for normal scatter: 1.2533 sigma / sqrt(n), sigma from the median absolute deviation
+    error = 1.2533 * 1.4826 * np.median(np.abs(gap - typical[:, None]), axis=1) / np.sqrt(len(motions))
+    best = next(c for c, d, e in zip(counts, typical, error) if d <= e)
+    return Choice(tuple(Row(int(c), float(m), float(e), float(b)) for c, m, e, b in zip(counts, middle, error, bounds)),
                   int(best))

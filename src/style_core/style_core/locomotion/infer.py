@@ -4,14 +4,18 @@ from typing import Optional
 
 import numpy as np
 
+from style_core.alignment import refine_phase
 from style_core.errors import MotionError
 from style_core.locomotion import kernels
 from style_core.locomotion.personal import bridge, departure, residual_sums
+from style_core.locomotion.synthesis import prototypes
 
 __all__ = ['Emission', 'Smoothing', 'Analysis', 'emission_of', 'smooth', 'analyze', 'aligned_cycles', 'fill']
 
 #: frames of the style's own advance that a recording's own advance must outweigh
 _JUMP_STRENGTH = 5.0
+#: density of the acceleration that a refined phase may have, rad^2/s^3: speed may change by half within a second
+_ACCELERATION = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +123,8 @@ class Analysis:
     position : ndarray, shape (T,)
         Most probable path (Viterbi) through the latent cycle, counted on over its end: cycle n runs from n M to (n+1) M.
     phase : ndarray, shape (T,)
-        Rad, counted on likewise, from the whole posterior of the position; runs evenly on average.
+        Rad, counted on likewise and running evenly on average: the posterior mean of the position, then refined to a
+        fraction of a frame under a smooth course (`style_core.alignment.refine_phase`).
     cycle_times_s : ndarray
         When the phase passes whole turns: the limits of the cycles, s.
     log_likelihood_per_value : float
@@ -162,12 +167,28 @@ def analyze(model, motion):
     kernels.viterbi(emission.log_density(x, best), np.log(result.jumps[best]), path)
     steps = np.diff(path) % model.n_positions
     position = path[0] + np.concatenate([[0], np.cumsum(np.where(steps == 0, model.n_positions, steps))])
-    phase = mean_phase(model, result.occupancy[best], position)
+    phase = _refined(model, x, best, mean_phase(model, result.occupancy[best], position))
     turns = np.arange(np.ceil(phase[0] / (2 * np.pi)), np.floor(phase[-1] / (2 * np.pi)) + 1)
     forward = np.maximum.accumulate(phase + 1e-9 * np.arange(len(phase)))
     return Analysis(motion.name, best, result.styles, times, position, phase,
                     np.interp(2 * np.pi * turns, forward, times),
                     result.log_likelihood / max(1, int(np.isfinite(x).sum())))
+
+
+def _refined(model, x, style, phase):
+    """Phase (T,) smoothed and refined against the style's prototype, by what is observed."""
+    if len(phase) < 4:
+        return phase
+    shapes = prototypes(model)
+    hidden = ~np.isfinite(x)
+
+    def evaluate(at):
+        value, slope = shapes.curve(style, at)
+        value[hidden] = slope[hidden] = 0.0
+        return value, slope
+
+    noise = model.noise[style] / model.personal.frame_weight
+    return refine_phase(np.where(hidden, 0.0, x), phase, evaluate, noise, _ACCELERATION, 1 / model.rate_hz)[0]
 
 
 def mean_phase(model, occupancy, position):

@@ -32,6 +32,11 @@ class Prototypes:
         """Features of every style at phases (T,): (C, T, F)."""
         return harmonic_design(phase, (self.cycles.shape[1] - 1) // 2)[0] @ self.cycles
 
+    def curve(self, style, phase):
+        """Features of one style at phases (T,) and their derivative by phase; each (T, F)."""
+        values, slopes = harmonic_design(phase, (self.cycles.shape[1] - 1) // 2)
+        return values @ self.cycles[style], slopes @ self.cycles[style]
+
     def seconds_per_radian(self, phase):
         """(C, T) at phases (T,); at least a fifth of the style's mean."""
         value = harmonic_design(phase, (self.pace.shape[1] - 1) // 2)[0] @ self.pace.T
