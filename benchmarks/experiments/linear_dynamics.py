@@ -1,7 +1,7 @@
 """A mixture of linear dynamical systems, by EM: the paper's LGSSM comparison as far as it can be built simply.
 
-Each group c has x_t = H z_t + noise, z_t = A z_(t-1) + noise. Gains are those of the steady state, so that one pass serves
-all recordings of any length together; labels are soft.
+Each group c has x_t = H z_t + noise, z_t = A z_(t-1) + noise. Gains are those of the steady state, so that one pass
+serves all recordings of any length together; labels are soft.
 """
 import numpy as np
 from scipy.linalg import solve_discrete_are
@@ -16,7 +16,9 @@ class LinearDynamics:
         """Start from the principal directions of the weighted frames, turned a little at random."""
         frames = x.reshape(-1, x.shape[2])
         share = np.sqrt((weights[:, None] * seen).reshape(-1))
-        _, _, directions = np.linalg.svd(frames * share[:, None] + 1e-9 * rng.normal(size=frames.shape), full_matrices=False)
+        _, _, directions = np.linalg.svd(
+            frames * share[:, None] + 1e-9 * rng.normal(size=frames.shape), full_matrices=False
+        )
         self.H = directions[:n_states].T + 0.05 * rng.normal(size=(x.shape[2], n_states))
         self.A = 0.95 * np.eye(n_states) + 0.05 * rng.normal(size=(n_states, n_states))
         self.Q, self.R = 0.1 * np.eye(n_states), 0.3 * np.ones(x.shape[2])

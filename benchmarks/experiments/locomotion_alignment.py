@@ -1,9 +1,10 @@
 """How well recordings are aligned: a picture like figure 1 of Pan and Torresani 2009, and the spread of foot contacts.
 
-All recordings of subjects 07, 08, 09 and 35, unlabelled. An aligned recording puts a heel strike of a foot at the same phase in
-every cycle. Measured against contacts found from the skeleton: the circular standard deviation of their phases in % of a cycle,
-for the locomotion model, for a single latent cycle (the cyclic continuous profile model), and for a phase by autocorrelation with
-Fourier cycles (functional analysis). The second table applies the learned models to people who were not in the training data.
+All recordings of subjects 07, 08, 09 and 35, unlabelled. An aligned recording puts a heel strike of a foot at the
+same phase in every cycle. Measured against contacts found from the skeleton: the circular standard deviation of
+their phases in % of a cycle, for the locomotion model, for a single latent cycle (the cyclic continuous profile
+model), and for a phase by autocorrelation with Fourier cycles (functional analysis). The second table applies the
+learned models to people who were not in the training data.
 """
 from locomotion_common import (CHANNELS, actions, circular_spread, heel_strikes, linear_phases, names,  # isort: skip
                                parser, recording)
@@ -35,7 +36,8 @@ def strike_phases(trials, phases):
 
 
 def spreads(found, chosen):
-    """Spread over recordings ``chosen`` of left, right and both (root mean square), % of cycle; and the number of strikes."""
+    """Spread over recordings ``chosen`` of left, right and both (root mean square), % of cycle; and the number of
+    strikes."""
     each = [np.concatenate([found[foot][k] for k in chosen]) for foot in ('left', 'right')]
     values = [circular_spread(v) for v in each]
     return [*values, float(np.sqrt(np.mean(np.square(values)))), sum(map(len, each))]
@@ -59,13 +61,26 @@ def main():
     phases = {method: [(a.times, a.phase) for a in found] for method, found in analyses.items()}
     phases[METHODS[2]] = list(zip(times, linear_phases(scaled, rate)[0]))
 
-    report = Report('alignment', 'Alignment of unlabelled recordings', 'python benchmarks/experiments/locomotion_alignment.py',
-                    args.seed, [trial_path(name) for name in trials])
-    report.text(f'{len(trials)} recordings of subjects 07, 08, 09 and 35 at {RATE_HZ:g} Hz, {len(features.joint_names)} channels, '
-                f'{args.styles} styles. Heel strikes from the skeletons; where a foot touches down is a matter of the gait too '
-                '(a runner lands elsewhere in the cycle than a walker), so walks and runs are also shown by themselves, and the '
-                'last rows compare each recording only with itself.')
-    groups = [('all', np.arange(len(trials))), ('walks', np.flatnonzero(label != 'run')), ('runs', np.flatnonzero(label == 'run'))]
+    report = Report(
+        'alignment',
+        'Alignment of unlabelled recordings',
+        'python benchmarks/experiments/locomotion_alignment.py',
+        args.seed,
+        [trial_path(name) for name in trials],
+    )
+    report.text(
+        f'{len(trials)} recordings of subjects 07, 08, 09 and 35 at {RATE_HZ:g} Hz, '
+        f'{len(features.joint_names)} channels, '
+        f'{args.styles} styles. Heel strikes from the skeletons; where a foot touches down is a matter of the gait too '
+        '(a runner lands elsewhere in the cycle than a walker), so walks and runs are also shown by '
+        'themselves, and the '
+        'last rows compare each recording only with itself.'
+    )
+    groups = [
+        ('all', np.arange(len(trials))),
+        ('walks', np.flatnonzero(label != 'run')),
+        ('runs', np.flatnonzero(label == 'run')),
+    ]
     style = np.array([a.style for a in analyses[METHODS[0]]])
     rows = []
     for method in METHODS:
@@ -73,8 +88,14 @@ def main():
         rows += [[method, title, *spreads(found, chosen)] for title, chosen in groups]
         within = [spreads(found, np.flatnonzero(style == c)) for c in np.unique(style)]
         count = np.array([w[3] for w in within])
-        rows.append([method, 'within the styles found', *[float(np.sqrt(count @ np.square([w[i] for w in within]) / count.sum()))
-                                                          for i in range(3)], int(count.sum())])
+        rows.append(
+            [
+                method,
+                'within the styles found',
+                *[float(np.sqrt(count @ np.square([w[i] for w in within]) / count.sum())) for i in range(3)],
+                int(count.sum()),
+            ]
+        )
     report.table('spread', ['method', 'recordings', 'left', 'right', 'both', 'strikes'], rows,
                  'Circular standard deviation of the phase of heel strikes, % of cycle')
     rows = [[model.style_names[c], float(model.periods_s[c]),
@@ -91,8 +112,12 @@ def main():
     for method, found in new.items():
         strikes = strike_phases(strangers, [(a.times, a.phase) for a in found])
         rows += [[method, action, *spreads(strikes, np.flatnonzero(new_label == action))] for action in ('walk', 'run')]
-    report.table('new people', ['method', 'recordings', 'left', 'right', 'both', 'strikes'], rows,
-                 f'The same of {len(strangers)} recordings of subjects {", ".join(NEW_PEOPLE)}, not in the training data')
+    report.table(
+        'new people',
+        ['method', 'recordings', 'left', 'right', 'both', 'strikes'],
+        rows,
+        f'The same of {len(strangers)} recordings of subjects {", ".join(NEW_PEOPLE)}, not in the training data',
+    )
 
     component = [values[:, 1] for values in np.split(PCA(2, random_state=0).fit_transform(np.concatenate(scaled)),
                                                      np.cumsum([len(x) for x in scaled])[:-1])]
@@ -112,8 +137,12 @@ def main():
         axis.set_xlabel('phase, % of cycle' if title in phases else 'time, s')
     axes[0, 0].set_ylabel('second principal component')
     figure.tight_layout()
-    report.figure(figure, 'figure1', 'Second principal component of all recordings (blue: walk, green: slow walk, red: run), '
-                  'over time and over the phase that each method gives.')
+    report.figure(
+        figure,
+        'figure1',
+        'Second principal component of all recordings (blue: walk, green: slow walk, red: run), '
+        'over time and over the phase that each method gives.',
+    )
     report.figure(alignment_picture(models[METHODS[0]], motions, analyses[METHODS[0]]), 'joints',
                   'The same recordings in the joints that tell most, coloured by the style found.')
     print(report.write(args.out))

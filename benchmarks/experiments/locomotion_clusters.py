@@ -1,8 +1,9 @@
 """Purity of the styles found without labels, for 2 to 10 styles and many seeds (figure 2 of Pan and Torresani 2009).
 
-The locomotion model on all channels and on 50 principal components; K-means on the cycles of a single latent cycle (K-CPM) and
-on the cycles of the functional-analysis alignment (K-FAM); a Gaussian mixture on the latter; a mixture of linear dynamical
-systems. Labels, used for scoring only: the database's own (walk, slow walk, run), and person with label.
+The locomotion model on all channels and on 50 principal components; K-means on the cycles of a single latent cycle
+(K-CPM) and on the cycles of the functional-analysis alignment (K-FAM); a Gaussian mixture on the latter; a mixture
+of linear dynamical systems. Labels, used for scoring only: the database's own (walk, slow walk, run), and person
+with label.
 """
 from locomotion_common import actions, linear_phases, names, parser, purity, recording  # isort: skip
 
@@ -26,8 +27,16 @@ from style_core.report import Report
 #: a run still has eleven frames a cycle; the groups are those found at 30 and 60 Hz, at a quarter of the cost
 RATE_HZ = 15.0
 BEST = 'locomotion model, best bound of 5'
-METHODS = (BEST, 'locomotion model', 'locomotion model, 50 components', "locomotion model, the paper's start", 'K-CPM', 'K-FAM',
-           'Gaussian mixture', 'linear dynamics')
+METHODS = (
+    BEST,
+    'locomotion model',
+    'locomotion model, 50 components',
+    "locomotion model, the paper's start",
+    'K-CPM',
+    'K-FAM',
+    'Gaussian mixture',
+    'linear dynamics',
+)
 
 
 def prepare():
@@ -52,8 +61,9 @@ def single_cycle_features(data, seed):
     grid = harmonic_design(np.arange(100) * 2 * np.pi / 100, 6)[0]
     cycles = []
     for k, x in enumerate(scaled):
-        scores = em.emission(x, None, one.parameters.precision, one.posterior.cycles.mean, one.posterior.cycles.variance,
-                             np.ones(1))
+        scores = em.emission(
+            x, None, one.parameters.precision, one.posterior.cycles.mean, one.posterior.cycles.variance, np.ones(1)
+        )
         path = np.empty(len(x), np.int64)
         kernels.viterbi(scores, np.log(one.parameters.jumps[k]), path)
         cycles.append(grid @ fit_cycle(x, 2 * np.pi * path / sizes.n_positions, 6))
@@ -87,7 +97,9 @@ def main():
     """Run all seeds, write table and picture."""
     options = parser(__doc__)
     options.add_argument('--seeds', type=int, default=50)
-    options.add_argument('--few', type=int, default=15, help="seeds for the two slow comparisons (the paper's start, linear dynamics)")
+    options.add_argument(
+        '--few', type=int, default=15, help="seeds for the two slow comparisons (the paper's start, linear dynamics)"
+    )
     options.add_argument('--jobs', type=int, default=2)
     args = options.parse_args()
     trials = names()
@@ -97,7 +109,9 @@ def main():
     data = prepare()
     results = {}
     with ProcessPoolExecutor(args.jobs) as pool:
-        tasks = [pool.submit(run_seed, args.seed + s, counts, data, s < args.few, s < args.few) for s in range(args.seeds)]
+        tasks = [
+            pool.submit(run_seed, args.seed + s, counts, data, s < args.few, s < args.few) for s in range(args.seeds)
+        ]
         for task in tqdm(tasks, desc='seeds', disable=None):
             for key, groups in task.result().items():
                 results.setdefault(key, []).append(
@@ -105,20 +119,36 @@ def main():
     for count in counts:    # what `learn` does: of five starts the one with the highest bound
         fives = np.array(results['bound', count])[:args.seeds // 5 * 5].reshape(-1, 5).argmax(axis=1)
         results[BEST, count] = [results[METHODS[1], count][5 * k + best] for k, best in enumerate(fives)]
-    report = Report('clusters', 'Styles found without labels', 'python ' + ' '.join(['benchmarks/experiments/locomotion_clusters.py', *sys.argv[1:]]),
-                    args.seed, [trial_path(name) for name in trials])
-    report.text(f'{len(trials)} recordings of subjects 07, 08, 09 and 35 at {RATE_HZ:g} Hz, {data["scaled"][0].shape[1]} channels; '
-                f'{args.seeds} seeds. Mean purity +- standard deviation over runs, their number in brackets; "best bound of 5" takes the '
-                f'start with the highest bound of each five seeds, as training does. The largest label alone gives {max(label.count(v) for v in set(label)) / len(label):.3f} (label) and '
-                f'{max(person.count(v) for v in set(person)) / len(person):.3f} (person and label).')
+    report = Report(
+        'clusters',
+        'Styles found without labels',
+        'python ' + ' '.join(['benchmarks/experiments/locomotion_clusters.py', *sys.argv[1:]]),
+        args.seed,
+        [trial_path(name) for name in trials],
+    )
+    report.text(
+        f'{len(trials)} recordings of subjects 07, 08, 09 and 35 at {RATE_HZ:g} Hz, '
+        f'{data["scaled"][0].shape[1]} channels; '
+        f'{args.seeds} seeds. Mean purity +- standard deviation over runs, their number in brackets; "best '
+        'bound of 5" takes the '
+        'start with the highest bound of each five seeds, as training does. The largest label alone gives '
+        f'{max(label.count(v) for v in set(label)) / len(label):.3f} (label) and '
+        f'{max(person.count(v) for v in set(person)) / len(person):.3f} (person and label).'
+    )
     figure, axes = plt.subplots(1, 2, figsize=(13, 5), sharey=False)
     for which, (title, axis) in enumerate(zip(('walk, slow walk, run', 'person and label'), axes)):
         rows = []
         for method in METHODS:
             values = [np.array(results[method, count])[:, which] for count in counts]
             rows.append([f'{method} ({len(values[0])})'] + [f'{v.mean():.3f} +- {v.std():.3f}' for v in values])
-            axis.errorbar(np.array(counts) + 0.05 * METHODS.index(method), [v.mean() for v in values],
-                          [v.std() for v in values], label=method, capsize=2, lw=1.8 if method.startswith('loco') else 1)
+            axis.errorbar(
+                np.array(counts) + 0.05 * METHODS.index(method),
+                [v.mean() for v in values],
+                [v.std() for v in values],
+                label=method,
+                capsize=2,
+                lw=1.8 if method.startswith('loco') else 1,
+            )
         report.table(title, ['method', *(f'C = {count}' for count in counts)], rows, f'Purity by {title}')
         axis.set_title(f'purity by {title}')
         axis.set_xlabel('number of styles C')

@@ -1,4 +1,5 @@
-"""What the locomotion experiments share: recordings, labels, foot contacts, the single-cycle and functional baselines."""
+"""What the locomotion experiments share: recordings, labels, foot contacts, the single-cycle and functional
+baselines."""
 import argparse
 import os
 from pathlib import Path

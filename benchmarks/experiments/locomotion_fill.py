@@ -1,8 +1,10 @@
-"""Filling in missing joints: the upper body of a held-out walk (section 4.3 of Pan and Torresani 2009), sensors, bursts.
+"""Filling in missing joints: the upper body of a held-out walk (section 4.3 of Pan and Torresani 2009), sensors,
+bursts.
 
-Walks of subject 07 are held out one after the other; models learn from all other recordings of subjects 07, 08, 09 and 35, and once
-more without subject 07 altogether. The first half of the test recording is complete. Then (a) the upper body is missing, (b) ten
-random channels, (c) all channels in bursts that hide 30 %. Mean squared error over the hidden angles.
+Walks of subject 07 are held out one after the other; models learn from all other recordings of subjects 07, 08, 09
+and 35, and once more without subject 07 altogether. The first half of the test recording is complete. Then (a) the
+upper body is missing, (b) ten random channels, (c) all channels in bursts that hide 30 %. Mean squared error over
+the hidden angles.
 """
 from locomotion_common import names, parser, recording  # isort: skip
 
@@ -25,8 +27,14 @@ from style_core.report import Report
 RATE_HZ = 60.0
 LEGS = ('femur', 'tibia', 'foot', 'toes')
 CASES = ('upper body', '10 random channels', 'bursts of 0.25 s, 30 %')
-METHODS = ('locomotion model', 'locomotion model, without departures', 'locomotion model, causal', 'phase-style smoother',
-           'nearest neighbour', 'own first half repeated')
+METHODS = (
+    'locomotion model',
+    'locomotion model, without departures',
+    'locomotion model, causal',
+    'phase-style smoother',
+    'nearest neighbour',
+    'own first half repeated',
+)
 SHOWN = ('rhumerus.rx', 'thorax.rx', 'lradius.rx', 'upperneck.rx')
 
 
@@ -49,7 +57,9 @@ def nearest_neighbour(training, shown):
     """Copy the hidden angles of each frame from the training frame most like it in the visible ones."""
     bank = np.concatenate([motion.positions for motion in training])
     bank = bank[np.isfinite(bank).all(axis=1)]
-    angles = np.array([unit == 'rad' and not name.startswith('root.') for name, unit in zip(shown.joint_names, shown.units)])
+    angles = np.array(
+        [unit == 'rad' and not name.startswith('root.') for name, unit in zip(shown.joint_names, shown.units)]
+    )
     filled = shown.positions.copy()
     for row in filled:
         missing = np.isnan(row)
@@ -78,7 +88,9 @@ def own_cycle(shown, harmonics=6):
 def without_departures(model):
     """The published model: no departure of the recording from its style, no memory of residuals."""
     ones = np.ones(len(model.joint_names))
-    return replace(model, personal=replace(model.personal, pull=1e12 * ones, memory=0 * ones, noise=model.noise.mean(axis=0)))
+    return replace(
+        model, personal=replace(model.personal, pull=1e12 * ones, memory=0 * ones, noise=model.noise.mean(axis=0))
+    )
 
 
 def fills(model, behaviour, training, shown):
@@ -131,9 +143,13 @@ def main():
                 figure = joint_curves(SHOWN, lines, spans=[(half, whole.times[-1], 'upper body missing')], title=test)
     report = Report('fill', 'Filling in missing joints', 'python benchmarks/experiments/locomotion_fill.py', args.seed,
                     [trial_path(name) for name in motions])
-    report.text(f'Test recordings {", ".join(args.tests)} at {RATE_HZ:g} Hz, {args.styles} styles; mean squared error over hidden '
-                'angles, deg^2, mean of the tests (single tests in brackets for the upper body). The paper, one test: 9.3, nearest '
-                'neighbour 23.9.')
+    report.text(
+        f'Test recordings {", ".join(args.tests)} at {RATE_HZ:g} Hz, {args.styles} styles; mean squared error '
+        'over hidden '
+        'angles, deg^2, mean of the tests (single tests in brackets for the upper body). The paper, one '
+        'test: 9.3, nearest '
+        'neighbour 23.9.'
+    )
     for protocol in ('same person in training', 'person not in training'):
         rows = []
         for method in METHODS:

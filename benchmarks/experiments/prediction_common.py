@@ -4,7 +4,6 @@ import argparse
 import hashlib
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -89,7 +88,6 @@ def rest_pose(training):
 
 
 # ------------------------------------------------------------------------------------------------- methods
-
 
 @cache
 def behaviour(training, channels=50, dimension=None):

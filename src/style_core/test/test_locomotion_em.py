@@ -20,8 +20,13 @@ def problem(seed, n_styles=2, n_positions=5, n_features=2, lengths=(6, 4, 7), ma
     rules = em.Settings(n_styles, n_positions, max_jump, np.full(n_features, 1e6), **options)
     shape = (n_styles, n_positions, n_features)
     parameters = em.Parameters(
-        rng.normal(size=shape[1:]), rng.uniform(0.2, 2), rng.uniform(0.2, 3), rng.uniform(0.5, 3, (n_styles, n_features)),
-        rng.dirichlet(np.ones(n_styles)), rng.dirichlet(np.ones(max_jump), len(lengths)))
+        rng.normal(size=shape[1:]),
+        rng.uniform(0.2, 2),
+        rng.uniform(0.2, 3),
+        rng.uniform(0.5, 3, (n_styles, n_features)),
+        rng.dirichlet(np.ones(n_styles)),
+        rng.dirichlet(np.ones(max_jump), len(lengths)),
+    )
     start = em.CycleMoments(rng.normal(size=shape), rng.uniform(0.1, 1, shape), np.zeros(shape), np.zeros(shape[::2]))
     posterior = em.Posterior(rng.dirichlet(np.ones(n_styles), len(lengths)), start)
     posterior = em.update_cycles(parameters, em.update_paths(data, parameters, posterior))
@@ -83,7 +88,9 @@ def brute_bound(data, rules, parameters, before, posterior):
 
         def score(path, moments, c, x=x, seen=seen):
             distance = (x - moments.mean[c, path])**2 + moments.variance[c, path]
-            return (seen * 0.5 * (np.log(parameters.precision[c] / (2 * np.pi)) - parameters.precision[c] * distance)).sum()
+            return (
+                seen * 0.5 * (np.log(parameters.precision[c] / (2 * np.pi)) - parameters.precision[c] * distance)
+            ).sum()
 
         log_q = prior + [sum(before.labels[k, c] * score(p, before.cycles, c) for c in range(n_styles)) for p in paths]
         q = np.exp(log_q - log_q.max())
@@ -127,7 +134,9 @@ def log_evidence(data, parameters):
     options = []
     for k, x in enumerate(data.values):
         paths, prior = every_path(len(x), n_positions, parameters.jumps[k])
-        options.append([(c, p, w + np.log(parameters.weights[c])) for c in range(n_styles) for p, w in zip(paths, prior)])
+        options.append(
+            [(c, p, w + np.log(parameters.weights[c])) for c in range(n_styles) for p, w in zip(paths, prior)]
+        )
     terms = []
     for choice in itertools.product(*options):
         value = sum(w for _, _, w in choice)
@@ -161,8 +170,15 @@ def test_the_bound_is_the_exact_evidence_where_the_mean_field_is_exact():
     """Well separated positions and styles leave one path and label each: nothing is lost by the factorisation."""
     _, rules, parameters, posterior = problem(4, n_positions=3, n_features=2, lengths=(2, 3))
     parent = 100.0 * np.array([[0.0, 1.0], [1.0, -1.0], [-2.0, 0.5]])
-    parameters = replace(parameters, parent=parent, coupling=500.0, smoothing=0.3, precision=np.array([[50.0, 50.0]] * 2),
-                         weights=np.array([1 - 1e-12, 1e-12]), jumps=np.full((2, 2), 0.5))
+    parameters = replace(
+        parameters,
+        parent=parent,
+        coupling=500.0,
+        smoothing=0.3,
+        precision=np.array([[50.0, 50.0]] * 2),
+        weights=np.array([1 - 1e-12, 1e-12]),
+        jumps=np.full((2, 2), 0.5),
+    )
     mean = em.prior_mean(parent, parameters.coupling, parameters.smoothing)
     data = em.prepare([mean[[0, 1]] + 0.1, mean[[2, 0, 2]] - 0.05])
     posterior = replace(posterior, labels=np.array([[1 - 1e-12, 1e-12]] * 2),
@@ -196,7 +212,9 @@ def test_every_update_leaves_no_slope(seed, missing):
 
     posterior = em.update_labels(data, parameters, posterior)
     shape = posterior.labels.shape
-    np.testing.assert_allclose(slopes(lambda v: value(labels=v), posterior.labels, on_simplex(shape), 1e-7), 0, atol=1e-4)
+    np.testing.assert_allclose(
+        slopes(lambda v: value(labels=v), posterior.labels, on_simplex(shape), 1e-7), 0, atol=1e-4
+    )
 
     posterior = em.update_cycles(parameters, posterior)
     size = posterior.cycles.mean.shape
@@ -208,8 +226,9 @@ def test_every_update_leaves_no_slope(seed, missing):
     shape = learned.parent.shape
     for name in ('weights', 'jumps'):
         point = getattr(learned, name)
-        np.testing.assert_allclose(slopes(lambda v, name=name: value(**{name: v}), point, on_simplex(point.shape), 1e-7),
-                                   0, atol=1e-4)
+        np.testing.assert_allclose(
+            slopes(lambda v, name=name: value(**{name: v}), point, on_simplex(point.shape), 1e-7), 0, atol=1e-4
+        )
     np.testing.assert_allclose(slopes(lambda v: value(precision=v.reshape(learned.precision.shape)),
                                       learned.precision.ravel(), np.eye(learned.precision.size)), 0, atol=1e-5)
     # parent, smoothing and coupling are maximised one after the other, each given the values before it

@@ -36,8 +36,10 @@ def test_cyclic_chain_is_the_dense_gaussian(M, B, seed, log_coupling, log_own):
     for b in range(B):
         precision = dense(diagonal[:, b], coupling[b])
         covariance = np.linalg.inv(precision)
-        tolerance = dict(rtol=1e-14 * np.linalg.cond(precision) + 1e-11)
-        np.testing.assert_allclose(mean[:, b], covariance @ potential[:, b], atol=1e-9 * np.abs(mean).max(), **tolerance)
+        tolerance = {'rtol': 1e-14 * np.linalg.cond(precision) + 1e-11}
+        np.testing.assert_allclose(
+            mean[:, b], covariance @ potential[:, b], atol=1e-9 * np.abs(mean).max(), **tolerance
+        )
         np.testing.assert_allclose(variance[:, b], np.diag(covariance), **tolerance)
         np.testing.assert_allclose(neighbour[:, b], [covariance[m, m - 1] for m in range(M)],
                                    atol=1e-9 * variance.max(), **tolerance)
@@ -66,7 +68,9 @@ def every_path(emission, log_jump):
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.integers(1, 5), st.integers(3, 6), st.integers(1, 3), st.integers(0, 10**6), st.sampled_from([1.0, 30.0, 900.0]))
+@given(
+    st.integers(1, 5), st.integers(3, 6), st.integers(1, 3), st.integers(0, 10**6), st.sampled_from([1.0, 30.0, 900.0])
+)
 def test_forward_backward_and_viterbi_are_the_sum_and_the_best_over_paths(T, M, J, seed, spread):
     rng = np.random.default_rng(seed)
     emission = rng.normal(size=(T, M)) * spread

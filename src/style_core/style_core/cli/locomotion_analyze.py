@@ -28,7 +28,9 @@ def add_arguments(parser, argv):
     parser.add_argument('files', nargs='*', metavar='FILE', help='recordings with the joints of the model')
     parser.add_argument('-o', '--output', metavar='CSV', help='write phase and position of every frame')
     parser.add_argument('--picture', metavar='PNG', help='draw the recordings over common phases')
-    parser.add_argument('--joints', nargs='+', metavar='JOINT', help='joints in the picture (default: the most moving four)')
+    parser.add_argument(
+        '--joints', nargs='+', metavar='JOINT', help='joints in the picture (default: the most moving four)'
+    )
     parser.add_argument('--recorded-rate', type=float, metavar='HZ', help='of AMC recordings (default: 120)')
     parser.add_argument('--rename', nargs='+', default=[], metavar='OLD=NEW', help='rename styles in the model file')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
@@ -55,9 +57,11 @@ def run(args):
     else:
         for row in rows:
             limits = ', '.join(f'{t:.2f}' for t in row['cycle_times_s'])
-            print(f"{row['recording']}: {row['style']} (probability {row['probability']:.3f}), {row['cycles']:.2f} cycles of "
-                  f"{row['mean_period_s']:.2f} s, phase 0 at {limits or 'no time'} s, "
-                  f"{row['log_likelihood_per_value']:.2f} nats a value")
+            print(
+                f'{row["recording"]}: {row["style"]} (probability {row["probability"]:.3f}), '
+                f'{row["cycles"]:.2f} cycles of {row["mean_period_s"]:.2f} s, phase 0 at {limits or "no time"} s, '
+                f'{row["log_likelihood_per_value"]:.2f} nats a value'
+            )
     if args.output:
         with open(args.output, 'w', newline='') as stream:
             table = csv.writer(stream)

@@ -22,7 +22,9 @@ __all__ = ['add_arguments', 'run']
 
 def add_arguments(parser, argv):
     """FILE, what to hide, where to write."""
-    parser.add_argument('file', metavar='FILE', help='recording; joints of the model that it lacks altogether are added')
+    parser.add_argument(
+        'file', metavar='FILE', help='recording; joints of the model that it lacks altogether are added'
+    )
     parser.add_argument('-o', '--output', metavar='FILE', help='filled recording; the suffix says which format')
     parser.add_argument('--hide', nargs='+', default=[], metavar='PATTERN', help='joints to hide first')
     parser.add_argument('--from', type=float, dest='start', metavar='S', help='hide from this time on')
@@ -66,8 +68,10 @@ def run(args):
             chosen = scored & (np.array(model.features.units) == unit)
             if chosen.any():
                 error = factor * (filled.positions - whole.positions)[chosen]
-                print(f'{shown_unit}: mean squared error {np.mean(error**2):.3f}, root {np.sqrt(np.mean(error**2)):.3f}, '
-                      f'{np.mean(np.abs(error) < 2 * factor * std[chosen]):.0%} within two standard deviations')
+                print(
+                    f'{shown_unit}: mean squared error {np.mean(error**2):.3f}, root {np.sqrt(np.mean(error**2)):.3f}, '
+                    f'{np.mean(np.abs(error) < 2 * factor * std[chosen]):.0%} within two standard deviations'
+                )
     if args.output:
         write_motion(filled, args.output)
         print(f'wrote {args.output}')

@@ -18,7 +18,9 @@ __all__ = ['add_arguments', 'run']
 
 def add_arguments(parser, argv):
     """The blend and where to write it."""
-    parser.add_argument('--blend', required=True, metavar='BLEND', help='weights of the styles, e.g. "0.3*run + 0.7*walk"')
+    parser.add_argument(
+        '--blend', required=True, metavar='BLEND', help='weights of the styles, e.g. "0.3*run + 0.7*walk"'
+    )
     parser.add_argument('--duration', type=float, default=6.0, metavar='S', help='default: 6 s')
     parser.add_argument('--rate', type=float, metavar='HZ', help="of the motion (default: the model's)")
     parser.add_argument('--phase', type=float, default=0.0, metavar='RAD', help='to start at (default: 0)')

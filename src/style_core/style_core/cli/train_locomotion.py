@@ -32,8 +32,12 @@ def add_arguments(parser, argv):
     parser.add_argument('-o', '--output', required=True, metavar='MODEL.npz', help='model file to write')
     parser.add_argument('--styles', default='2-8', metavar='C',
                         help='number of styles, or a range (2-8) to choose from by held-out likelihood (default: 2-8)')
-    parser.add_argument('--joints', nargs='+', metavar='PATTERN',
-                        help="joints to learn, as shell patterns; '!PATTERN' excludes (default: all but fingers and thumbs)")
+    parser.add_argument(
+        '--joints',
+        nargs='+',
+        metavar='PATTERN',
+        help="joints to learn, as shell patterns; '!PATTERN' excludes (default: all but fingers and thumbs)",
+    )
     parser.add_argument('--rate', type=float, metavar='HZ', help="rate to learn at (default: the recordings' lowest)")
     parser.add_argument('--recorded-rate', type=float, metavar='HZ',
                         help='rate of the recordings where their format does not say it (AMC; default: 120)')
@@ -41,11 +45,14 @@ def add_arguments(parser, argv):
     parser.add_argument('--restarts', type=int, default=5, help='starts; the highest bound wins (default: 5)')
     parser.add_argument('--iterations', type=int, default=15, help='EM iterations (default: 15)')
     parser.add_argument('--threads', type=int, default=1, help='threads for the E-step (default: 1; same result)')
-    parser.add_argument('--labels', metavar='CSV', help='columns trial and action: names for the styles, never used to learn')
+    parser.add_argument(
+        '--labels', metavar='CSV', help='columns trial and action: names for the styles, never used to learn'
+    )
 
 
 def read_recordings(files, recorded_rate=None, joints=None):
-    """Motions of files, continuous and named by their stem; all channels but fingers and thumbs unless ``joints`` says."""
+    """Motions of files, continuous and named by their stem; all channels but fingers and thumbs unless ``joints``
+    says."""
     motions = []
     for path in tqdm(files, desc='reading', unit='file', disable=None, leave=False):
         options = {'rate_hz': recorded_rate} if recorded_rate and path.lower().endswith('.amc') else {}
@@ -63,7 +70,8 @@ def run(args):
     if min(args.restarts, args.iterations, args.threads) < 1:
         raise UsageError('--restarts, --iterations and --threads must be at least 1')
     motions = read_recordings(args.files, args.recorded_rate, args.joints)
-    options = dict(seed=args.seed, rate_hz=args.rate, n_iterations=args.iterations, threads=args.threads, progress=True)
+    options = {'seed': args.seed, 'rate_hz': args.rate, 'n_iterations': args.iterations,
+               'threads': args.threads, 'progress': True}
     if len(counts) > 1:
         choice = choose_styles(motions, counts, **options)
         for row in choice.rows:
@@ -103,8 +111,10 @@ def _names(model, path):
         raise MotionError(f'{path} must be a CSV file with the columns trial and action') from None
     names = []
     for c, own in enumerate(model.style_names):
-        found = Counter(actions[r] for r, row in zip(model.recordings, model.labels) if row.argmax() == c and r in actions)
+        found = Counter(
+            actions[r] for r, row in zip(model.recordings, model.labels) if row.argmax() == c and r in actions
+        )
         name = found.most_common(1)[0][0] if found else own
-        taken = sum(n == name or n.startswith(name + '_') and n[len(name) + 1:].isdigit() for n in names)
+        taken = sum(n == name or (n.startswith(name + '_') and n[len(name) + 1:].isdigit()) for n in names)
         names.append(name if not taken else f'{name}_{taken + 1}')
     return tuple(names)

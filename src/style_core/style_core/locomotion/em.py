@@ -3,12 +3,16 @@
 The model (Pan and Torresani 2009, section 2; docs/locomotion.md derives every line below): K recordings of F features,
 C styles, and for each style a latent cycle of M positions that all recordings of that style repeat.
 
-- latent cycle c, feature f: ``z ~ N(m0_f, A^-1)``, ``A = coupling I + smoothing L``, ``m0 = coupling A^-1 parent``, with L
+- latent cycle c, feature f: ``z ~ N(m0_f, A^-1)``, ``A = coupling I + smoothing L``, ``m0 = coupling A^-1 parent``,
+with L
   the Laplacian of the ring of M positions. (The normalised form of the product of a chain and a pull to the parent.)
-- recording k: label ``l ~ weights``; position ``pi_1`` uniform, then advancing by 1 .. J with probabilities ``jumps[k]``;
-  ``x_i ~ N(z^l[pi_i], 1 / precision[l])``, feature by feature, so that a missing entry is marginalised by leaving it out.
+- recording k: label ``l ~ weights``; position ``pi_1`` uniform, then advancing by 1 .. J with probabilities
+``jumps[k]``;
+  ``x_i ~ N(z^l[pi_i], 1 / precision[l])``, feature by feature, so that a missing entry is marginalised by leaving it
+  out.
 
-Mean field ``Q = prod_k Q(path k) Q(label k) prod_c Q(cycle c)``. Every ``update_*`` function raises `bound` or leaves it.
+Mean field ``Q = prod_k Q(path k) Q(label k) prod_c Q(cycle c)``. Every ``update_*`` function raises `bound` or
+leaves it.
 """
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -74,7 +78,8 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
-    """What the M-step estimates: parent (M, F), coupling and smoothing > 0, precision (C, F), weights (C,), jumps (K, J)."""
+    """What the M-step estimates: parent (M, F), coupling and smoothing > 0, precision (C, F), weights (C,), jumps
+    (K, J)."""
 
     parent: np.ndarray
     coupling: float
@@ -86,7 +91,8 @@ class Parameters:
 
 @dataclass(frozen=True, eq=False)
 class CycleMoments:
-    """Q(cycles): mean, variance and covariance of m with m - 1, each (C, M, F); log determinant of the precision (C, F)."""
+    """Q(cycles): mean, variance and covariance of m with m - 1, each (C, M, F); log determinant of the precision (C,
+    F)."""
 
     mean: np.ndarray
     variance: np.ndarray
@@ -139,7 +145,8 @@ def prepare(recordings):
 
 
 def ring_eigenvalues(n):
-    """Eigenvalues of the ring Laplacian L, in the order of `numpy.fft.rfft`, and how often each stands in the full set."""
+    """Eigenvalues of the ring Laplacian L, in the order of `numpy.fft.rfft`, and how often each stands in the full
+    set."""
     k = np.arange(n // 2 + 1)
     twice = np.where((k == 0) | (2 * k == n), 1.0, 2.0)
     return 2.0 - 2.0 * np.cos(2 * np.pi * k / n), twice
@@ -176,7 +183,8 @@ def emission(x, seen, precision, mean, variance, labels):
 
 
 def update_paths(data, parameters, posterior, threads=1):
-    """Q(paths) by forward-backward with the expected emissions (eq. 7, 10), one recording after another or in threads."""
+    """Q(paths) by forward-backward with the expected emissions (eq. 7, 10), one recording after another or in
+    threads."""
     n_positions, n_features = parameters.parent.shape
     n_jumps = parameters.jumps.shape[1]
 
@@ -234,7 +242,8 @@ def _squares(data):
 
 
 def _expected_squares(data, posterior):
-    """Expected squared distance of each recording's entries to each style's cycle (K, C, F), and their number (K, F)."""
+    """Expected squared distance of each recording's entries to each style's cycle (K, C, F), and their number (K,
+    F)."""
     square, number = _squares(data)
     cycles, paths = posterior.cycles, posterior.paths
     cross = np.einsum('kmf,cmf->kcf', paths.total, cycles.mean)
@@ -258,7 +267,8 @@ def update_labels(data, parameters, posterior):
 
 
 def _prior_statistics(parameters, posterior):
-    """Of Q(cycles), summed over styles and features: E|z_m - z_(m-1)|^2, E|z|^2, mean . parent, and the parent's power."""
+    """Of Q(cycles), summed over styles and features: E|z_m - z_(m-1)|^2, E|z|^2, mean . parent, and the parent's
+    power."""
     cycles, parent = posterior.cycles, parameters.parent
     before = np.roll(cycles.mean, 1, axis=1)
     rough = ((cycles.mean - before)**2).sum() + 2 * (cycles.variance - cycles.neighbour).sum()
@@ -281,8 +291,8 @@ def _log_prior(statistics, n_cycles, n_styles, coupling, smoothing, n_positions)
 def _update_prior(parameters, posterior, settings):
     """Parent, smoothing and coupling: each the exact maximiser given the others.
 
-    Pan and Torresani's (12, 13) treat the chain and the pull as if each had a normaliser of its own; the product has one,
-    log|A|, and its maximiser is the root of a decreasing function.
+    Pan and Torresani's (12, 13) treat the chain and the pull as if each had a normaliser of its own; the product has
+    one, log|A|, and its maximiser is the root of a decreasing function.
     """
     mean = posterior.cycles.mean
     n_styles, n_positions, n_features = mean.shape

@@ -68,8 +68,17 @@ class FeatureMap:
         course = Motion(('tx', 'tz', 'heading'), np.stack([root[:, _TX], root[:, _TZ], heading], axis=1), motion.times)
         speed = course.velocities()
         s, c = np.sin(heading), np.cos(heading)
-        features[:, columns] = np.stack([c * speed[:, 0] - s * speed[:, 1], root[:, _TY], s * speed[:, 0] + c * speed[:, 1],
-                                         tilt_x, speed[:, 2], tilt_z], axis=1)
+        features[:, columns] = np.stack(
+            [
+                c * speed[:, 0] - s * speed[:, 1],
+                root[:, _TY],
+                s * speed[:, 0] + c * speed[:, 1],
+                tilt_x,
+                speed[:, 2],
+                tilt_z,
+            ],
+            axis=1,
+        )
         return features
 
     def decode(self, features, times, place=(0.0, 0.0), heading=0.0, name=''):

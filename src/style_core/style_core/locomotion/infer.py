@@ -121,7 +121,8 @@ class Analysis:
     times : ndarray, shape (T,)
         At the model's rate, s.
     position : ndarray, shape (T,)
-        Most probable path (Viterbi) through the latent cycle, counted on over its end: cycle n runs from n M to (n+1) M.
+        Most probable path (Viterbi) through the latent cycle, counted on over its end: cycle n runs from n M to
+        (n+1) M.
     phase : ndarray, shape (T,)
         Rad, counted on likewise and running evenly on average: the posterior mean of the position, then refined to a
         fraction of a frame under a smooth course (`style_core.alignment.refine_phase`).
@@ -242,7 +243,9 @@ def aligned_cycles(model, motion, n_samples=None, analysis: Optional[Analysis] =
     n_cycles = max(0, len(analysis.cycle_times_s) - 1)
     wanted = 2 * np.pi * (first + np.arange(n_cycles * n_samples) / n_samples)
     times = np.interp(wanted, forward, analysis.times)
-    positions = motion.joints(model.joint_names).at(times).positions if n_cycles else np.empty((0, len(model.joint_names)))
+    positions = (
+        motion.joints(model.joint_names).at(times).positions if n_cycles else np.empty((0, len(model.joint_names)))
+    )
     return positions.reshape(n_cycles, n_samples, len(model.joint_names)), times.reshape(n_cycles, n_samples)
 
 
@@ -265,8 +268,12 @@ def fill(model, motion):
     motion = motion.joints(model.joint_names)
     hidden = np.isnan(motion.positions)
     if hidden[:, ~model.features.plain].any():
-        names = [n for n, plain, h in zip(model.joint_names, model.features.plain, hidden.any(axis=0)) if h and not plain]
-        raise MotionError(f'motion {motion.name!r}: {", ".join(names)} cannot be filled, place and heading do not repeat')
+        names = [
+            n for n, plain, h in zip(model.joint_names, model.features.plain, hidden.any(axis=0)) if h and not plain
+        ]
+        raise MotionError(
+            f'motion {motion.name!r}: {", ".join(names)} cannot be filled, place and heading do not repeat'
+        )
     times, x = model_frames(model, motion)
     mean, variance = expected_frames(model, x, smooth(model, x))
     at_frames = [np.stack([np.interp(motion.times, times, column) for column in table.T], axis=1)
@@ -278,8 +285,8 @@ def fill(model, motion):
 def expected_frames(model, x, result):
     """Mean and variance (T, F) of every entry given all observed ones.
 
-    Each style gives the recording's own cycle (its departure from the style's, from the observed entries) and the memory
-    of the residuals nearest in time; styles are mixed by their probability.
+    Each style gives the recording's own cycle (its departure from the style's, from the observed entries) and the
+    memory of the residuals nearest in time; styles are mixed by their probability.
 
     Parameters
     ----------

@@ -49,19 +49,23 @@ def cycle_sizes(recordings, rate_hz):
     MotionError
         If no recording repeats.
     """
-    periods = []
-    for x in recordings:
-        try:
-            periods.append(period(_bridged(x), rate_hz) * rate_hz)
-        except MotionError:     # too short or without repetition: it follows the others, but cannot start them
-            periods.append(float('nan'))
+    periods = [_period_frames(x, rate_hz) for x in recordings]
     known = np.array([p for p in periods if np.isfinite(p)])
     if not known.size:
-        raise MotionError('no recording repeats: a locomotion model needs at least one with more than one and a quarter '
-                          'cycles')
+        raise MotionError(
+            'no recording repeats: a locomotion model needs at least one with more than one and a quarter cycles'
+        )
     # a position is passed at least every frame, so the slowest walk must still fit into one round
-    n_positions = max(int(round(2 * np.median(known))), int(np.ceil(1.15 * known.max())))
+    n_positions = max(round(2 * float(np.median(known))), int(np.ceil(1.15 * known.max())))
     return Sizes(tuple(periods), n_positions, max(3, int(np.ceil(1.15 * n_positions / known.min()))))
+
+
+def _period_frames(x, rate_hz):
+    """Period in frames; NaN for a recording that is too short or does not repeat: it follows the others then."""
+    try:
+        return period(_bridged(x), rate_hz) * rate_hz
+    except MotionError:
+        return float('nan')
 
 
 def _bridged(x):
@@ -262,8 +266,21 @@ def _as_model(result, motions, features, rate_hz, centre, scale):
     visits = posterior.paths.visits
     visits = labels.T @ visits + 0.1 * visits.mean(axis=0)
     return LocomotionModel(
-        features, float(rate_hz), posterior.cycles.mean[order] * scale + centre, posterior.cycles.variance[order] * scale**2,
-        scale**2 / parameters.precision[order], parameters.parent * scale + centre, scale, parameters.smoothing,
-        parameters.coupling, parameters.weights[order], jumps,
-        visits / visits.sum(axis=1, keepdims=True), None, tuple(f'style{c}' for c in range(len(order))),
-        tuple(motion.name or f'recording {k}' for k, motion in enumerate(motions)), labels, result.bounds)
+        features,
+        float(rate_hz),
+        posterior.cycles.mean[order] * scale + centre,
+        posterior.cycles.variance[order] * scale**2,
+        scale**2 / parameters.precision[order],
+        parameters.parent * scale + centre,
+        scale,
+        parameters.smoothing,
+        parameters.coupling,
+        parameters.weights[order],
+        jumps,
+        visits / visits.sum(axis=1, keepdims=True),
+        None,
+        tuple(f'style{c}' for c in range(len(order))),
+        tuple(motion.name or f'recording {k}' for k, motion in enumerate(motions)),
+        labels,
+        result.bounds,
+    )

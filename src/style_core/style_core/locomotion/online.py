@@ -67,10 +67,12 @@ class LocomotionPredictor:
 
     def reset(self):
         """Forget everything observed; the next update starts a search."""
-        n_styles, n_speeds = self._speeds.shape
+        n_styles = len(self._speeds)
         n_positions, n_joints = self._cycles.shape[1:]
         near = np.exp(-0.5 * (np.log(_SPEEDS) / 0.25)**2)
-        self._prob = np.repeat((self._weights[:, None] * near / near.sum())[:, :, None], n_positions, axis=2) / n_positions
+        self._prob = (
+            np.repeat((self._weights[:, None] * near / near.sum())[:, :, None], n_positions, axis=2) / n_positions
+        )
         self._time = None
         self._seen_s = 0.0
         self._strain = 1.0
@@ -148,7 +150,9 @@ class LocomotionPredictor:
             whole = np.floor(steps)
             part = steps - whole
             whole = whole.astype(np.intp)
-            cells = np.concatenate([style * n_positions + whole % n_positions, style * n_positions + (whole + 1) % n_positions])
+            cells = np.concatenate(
+                [style * n_positions + whole % n_positions, style * n_positions + (whole + 1) % n_positions]
+            )
             share = np.concatenate([(1 - part) * prob, part * prob])
             weight = np.bincount(cells, share, size)
             expected, spread = self._mixture(weight)
@@ -230,7 +234,9 @@ class LocomotionPredictor:
         # frames at the model's rate count one; the correlation in time is in `departure`
         worth = (1 - fade) / (1 + fade) / self._personal.frame_weight * seen
         self._count[style] += share[:, None] * worth
-        self._total[style] += share[:, None] * (worth * np.where(seen, y, 0.0)) - share[:, None] * worth * self._cycles[style]
+        self._total[style] += (
+            share[:, None] * (worth * np.where(seen, y, 0.0)) - share[:, None] * worth * self._cycles[style]
+        )
         if self._time - self._personal_time < _PERSONAL_EVERY_S:
             return
         self._personal_time = self._time

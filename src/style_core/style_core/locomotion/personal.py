@@ -8,8 +8,8 @@ about its style's cycle is written, feature by feature, as
     delta ~ N(0, (pull I + smooth L)^-1) on the ring of positions,
     epsilon: stationary, variance ``noise``, correlation ``memory`` between neighbouring frames.
 
-``delta`` has the cyclic tridiagonal posterior of the latent cycles; frames correlated by rho count (1 - rho) / (1 + rho)
-each in it. All missing entries are left out, exactly.
+``delta`` has the cyclic tridiagonal posterior of the latent cycles; frames correlated by rho count (1 - rho) / (1 +
+rho) each in it. All missing entries are left out, exactly.
 """
 from dataclasses import dataclass
 
@@ -23,7 +23,8 @@ __all__ = ['Personal', 'Departure', 'residual_sums', 'departure', 'estimate', 'b
 
 @dataclass(frozen=True, eq=False)
 class Personal:
-    """Hyperparameters of each feature: ``pull``, ``smooth`` (precisions), ``noise`` (variance), ``memory``; all (F,)."""
+    """Hyperparameters of each feature: ``pull``, ``smooth`` (precisions), ``noise`` (variance), ``memory``; all
+    (F,)."""
 
     pull: np.ndarray
     smooth: np.ndarray
@@ -101,7 +102,9 @@ def estimate(recordings, n_iterations=6):
                           / np.maximum(sum(seen.sum(axis=0) for seen, *_ in parts), 1), 1e-10)
     # to begin with: half the variance to a constant offset, a quarter to the shape, a quarter to the rest.
     # An offset has variance 1 / (pull M); the shape 1 / smooth times the mean inverse eigenvalue, (M^2 - 1) / (12 M)
-    personal = Personal(2 / (n_positions * variance), n_positions / 3 / variance, variance / 4, np.full(n_features, 0.8))
+    personal = Personal(
+        2 / (n_positions * variance), n_positions / 3 / variance, variance / 4, np.full(n_features, 0.8)
+    )
     eigen, twice = ring_eigenvalues(n_positions)
     ratios = np.geomspace(1e-2, 1e7, 60)
     volume = np.array([(twice * np.log1p(ratio * eigen)).sum() for ratio in ratios])
@@ -130,8 +133,8 @@ def estimate(recordings, n_iterations=6):
 def bridge(residual, memory):
     """Expected epsilon at every frame from the frames where it was seen.
 
-    A stationary first-order chain depends only on the nearest seen frames before and after; with correlations a and b to
-    them, the conditional mean is ``((a - a b^2) left + (b - b a^2) right) / (1 - a^2 b^2)``.
+    A stationary first-order chain depends only on the nearest seen frames before and after; with correlations a and
+    b to them, the conditional mean is ``((a - a b^2) left + (b - b a^2) right) / (1 - a^2 b^2)``.
 
     Parameters
     ----------
