@@ -321,7 +321,8 @@ def test_commands(gaits, tmp_path, capsys):
         files.append(str(tmp_path / f'{motion.name}.csv'))
         write_motion(motion, files[-1])
     labels = tmp_path / 'labels.csv'
-    labels.write_text('\n'.join(['trial,action', *(f'{m.name},{("stroll", "trot")[k % 2]}' for k, m in enumerate(gaits))]))
+    rows = [f'{motion.name},{("stroll", "trot")[k % 2]}' for k, motion in enumerate(gaits)]
+    labels.write_text('\n'.join(['trial,action', *rows]))
     model = str(tmp_path / 'gaits.npz')
     assert main(['train', 'locomotion', *files, '--styles', '2', '--restarts', '1', '--iterations', '6',
                  '--labels', str(labels), '-o', model]) == 0
