@@ -15,7 +15,7 @@ part() {
 
 part 'lint' ruff check .
 part 'mathematics (no ROS)' env -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH \
-    PYTHONPATH="$ROOT/src/style_core" python3 -m pytest -q -p no:cacheprovider src/style_core/test
+    PYTHONPATH="$ROOT/src/style_core" python3 -m pytest -q -n auto -p no:cacheprovider src/style_core/test
 middlewares=(rmw_fastrtps_cpp rmw_cyclonedds_cpp)
 [ "${1:-}" != --fast ] || middlewares=(rmw_fastrtps_cpp)
 for middleware in "${middlewares[@]}"; do

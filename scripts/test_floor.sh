@@ -21,4 +21,4 @@ fi
 "$venv/bin/pip" install --quiet --no-build-isolation --no-deps --force-reinstall src/style_core
 say "== mathematics (no ROS) on Python 3.10, $("$venv/bin/python" -c 'import numpy, scipy
 print(f"NumPy {numpy.__version__}, SciPy {scipy.__version__}")')"
-exec "$venv/bin/pytest" -q -p no:cacheprovider src/style_core/test
+exec "$venv/bin/pytest" -q -n auto -p no:cacheprovider src/style_core/test
