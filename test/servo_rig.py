@@ -86,7 +86,7 @@ class ServoRig:
         """Start the bridge's process (unconfigured)."""
         arguments = []
         for name, value in {**self.parameters, **parameters}.items():
-            text = str(value).lower() if isinstance(value, bool) else str(value)
+            text = str(value).lower() if isinstance(value, bool) else str(value) or "''"
             arguments += ['-p', f'{name}:={text}']
         process = subprocess.Popen([sys.executable, '-m', 'style_servo.bridge_node', '--ros-args', *arguments],
                                    stderr=self._log)

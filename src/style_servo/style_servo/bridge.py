@@ -417,7 +417,7 @@ class Bridge:
     def _step(self, now):
         """Limit one period's command."""
         self._advance(now)
-        if self.state in (State.RAMPING, State.STREAMING):
+        if self.state in (State.READY, State.RAMPING, State.STREAMING):
             position, velocity = self._playback.sample(now)
             self._limiter.step(position, velocity)
             self.target[:] = position
@@ -444,6 +444,7 @@ class Bridge:
                 if self.state is State.RAMPING:
                     self.machine.happen(Event.RAMPED)
                 self.machine.happen(Event.FINISHED)
+                self._playback.hold(self._playback.sample(now)[0].copy())
                 self._enter(now, '')
             elif old or ended:
                 self.machine.happen(Event.STALE)
@@ -466,9 +467,11 @@ class Bridge:
         self.counts['limiter rejections'] += int(rejected)
         self._reject_run = self._reject_run + 1 if rejected else 0
         if self._reject_run >= REJECT_RUN:
-            joint = self.chain.names[int(np.argmax(self.bands == REJECT))]
-            self.machine.happen(Event.REFUSED)
-            self._enter(now, f'the target of joint {joint} runs away from what its limits allow')
+            if self.machine.happen(Event.REFUSED):
+                joint = self.chain.names[int(np.argmax(self.bands == REJECT))]
+                self._enter(now, f'the target of joint {joint} runs away from what its limits allow')
+            else:
+                self._playback.hold(self.command)       # READY: stay where the trajectory could not be followed to
 
     def _drive(self, now):
         if self._lost:
