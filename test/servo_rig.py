@@ -45,10 +45,12 @@ class ServoRig:
     simulate : bool
         Start the simulated bus.
     sim_options : sequence of str
+    listen : bool
+        Keep commands and joint states as they come.
     parameters : of the bridge
     """
 
-    def __init__(self, folder, chain='exosuit6.yaml', simulate=True, sim_options=(), **parameters):
+    def __init__(self, folder, chain='exosuit6.yaml', simulate=True, sim_options=(), listen=True, **parameters):
         self.link, self.record, self.wire = (os.path.join(folder, name) for name in ('port', 'record', 'wire'))
         self.chain_path = os.path.join(ROOT, 'config', 'servo', chain)
         self.chain = load_chain(self.chain_path)
@@ -64,8 +66,9 @@ class ServoRig:
         self.states, self.commands, self.joint_states, self.diagnostics = [], [], [], []
         node, latched = self.node, QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_subscription(BridgeState, '/servo_bridge/state', self.states.append, latched)
-        node.create_subscription(JointState, '/servo_bridge/command', self.commands.append, 1000)
-        node.create_subscription(JointState, '/joint_states', self.joint_states.append, 100)
+        if listen:
+            node.create_subscription(JointState, '/servo_bridge/command', self.commands.append, 1000)
+            node.create_subscription(JointState, '/joint_states', self.joint_states.append, 100)
         node.create_subscription(DiagnosticArray, '/diagnostics', self.diagnostics.append, 10)
         self.trajectories = node.create_publisher(JointTrajectory, '/joint_trajectory', 100)
         self.estop = node.create_publisher(Bool, '/estop', 10)

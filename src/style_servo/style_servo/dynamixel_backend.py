@@ -379,7 +379,10 @@ class DynamixelBackend:
             if self._settings.fast_read:
                 result = group.fastSyncReadTxPacket()
                 self._port.setPacketTimeoutMillis(timeout)
-                result = result or group.fastSyncReadRxPacket()
+                try:
+                    result = result or group.fastSyncReadRxPacket()
+                except IndexError:      # the SDK takes a late reply to something else for this one
+                    result = COMM_RX_CORRUPT
             else:
                 result = group.txPacket()
                 self._port.setPacketTimeoutMillis(timeout)

@@ -1,6 +1,7 @@
 """The bridge's behaviour, tick by tick, with motors made of thin air and a clock made of a loop."""
 import contextlib
 import math
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -69,7 +70,7 @@ class IdealMotors:
 class Rig:
     """A bridge, its motors and a clock."""
 
-    taken = {}      # edges of the state table taken by all rigs of this file
+    taken: ClassVar[dict] = {}      # edges of the state table taken by all rigs of this file
 
     def __init__(self, armed=True, **changes):
         self.chain = Chain(tuple(Joint(name, -1.0, 1.0, 3.0, 20.0, 0.3, 0.3) for name in NAMES))
@@ -418,7 +419,7 @@ def test_zz_every_edge_of_the_state_table_is_taken():
         assert rig.bridge.state is State.FAULT
         rig.motors.fault = None
     in_state = {
-        State.READY: lambda: Rig(), State.RAMPING: lambda: Rig().stream(0.1), State.STREAMING: lambda: Rig().stream(2.0),
+        State.READY: Rig, State.RAMPING: lambda: Rig().stream(0.1), State.STREAMING: lambda: Rig().stream(2.0),
         State.HOLDING: lambda: Rig(input_timeout=0.1).stream(2.0).run(0.5),
         State.RELAXED: lambda: Rig(input_timeout=0.1, hold_policy='relax', hold_timeout=0.1).stream(2.0).run(0.5),
         State.ESTOP: lambda: Rig().run(0.1), State.FAULT: lambda: Rig().run(0.1)}

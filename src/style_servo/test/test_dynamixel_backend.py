@@ -119,6 +119,29 @@ def test_single_errors_are_counted_and_tolerated(connected):
     assert backend.statistics['read errors'] > before
 
 
+def test_a_late_reply_is_not_taken_for_the_next_one(connected):
+    """The SDK's fast sync read fails with an IndexError on another servo's late status packet."""
+    backend, simulator = connected
+    backend.enable()
+    simulator.tell('delay', id=1, seconds=0.03)
+    item = backend._servos[0].table['Present Position']
+    backend._packets.readTx(backend._port, 1, item.address, 4)
+    backend._port.is_using = False
+    time.sleep(0.025)
+    before = backend.statistics['read errors']
+    original = backend._packets.txPacket
+
+    def late(port, packet):     # the packet is on its way when the late reply comes in
+        result = original(port, packet)
+        time.sleep(0.02)
+        return result
+    backend._packets.txPacket = late
+    backend.observe()
+    backend._packets.txPacket = original
+    assert backend.statistics['read errors'] - before <= 1
+    run(backend, np.zeros(4), 0.1)
+
+
 def fails(backend, *words, seconds=2.0):
     with pytest.raises(BackendFault) as error:
         run(backend, np.zeros(4), seconds)
