@@ -108,7 +108,7 @@ def test_lost_packets_are_counted_and_a_run_of_them_is_a_fault(start):
 
 @pytest.mark.parametrize('policy', ['relax', 'fault'])
 def test_the_hold_policies(start, policy):
-    rig = start(hold_policy=policy, hold_timeout=0.5, fault_action='torque_off')
+    rig = start(hold_policy=policy, input_timeout=1.0, hold_timeout=2.0, fault_action='torque_off')
     rig.stream_until(State.STREAMING)
     rig.wait_for(State.RELAXED if policy == 'relax' else State.FAULT)
     assert not any(servo['torque'] for servo in rig.tell('state')['servos'])
