@@ -30,7 +30,7 @@ PATIENT = {'reply_timeout': 0.03, 'watchdog': 0.5, 'error_run': 20}
 
 
 # nothing that is sent may get lost unseen
-DEEP = {'qos_overrides./joint_trajectory.subscription.depth': 1000, 'messages_per_cycle': 20}
+DEEP = {'qos_overrides./joint_trajectory.subscription.depth': 1000, 'messages_per_cycle': 1000}
 
 
 class ServoRig:

@@ -33,15 +33,16 @@ IN_FLIGHT = 300     # messages sent but not yet counted by the bridge
 FLOOD = 200
 
 
-def send_all(rig, count, seed):
-    """Send hostile trajectories, a legal one before every second of them; returns how many of each kind."""
+def send_all(rig, count, seed, minutes):
+    """Send hostile trajectories, a legal one before every third of them; returns how many of each kind."""
+    end = time.monotonic() + 60 * minutes
     rng = np.random.default_rng(seed)
     kinds, sent = list(KINDS), collections.Counter()
 
     def handled():
         return rig.states[-1].accepted + rig.states[-1].rejected
     with tqdm(total=count, disable=not sys.stderr.isatty(), unit='message') as bar:
-        while sum(sent.values()) - sent['legal'] < count:
+        while sum(sent.values()) - sent['legal'] < count and time.monotonic() < end:
             for _ in range(20):
                 now = time.monotonic()
                 kind = kinds[int(rng.integers(len(kinds)))]
@@ -87,6 +88,8 @@ def main():
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--count', type=int, default=100000, help='hostile trajectories (default %(default)s)')
+    parser.add_argument('--minutes', type=float, default=120.0,
+                        help='stop earlier after so many minutes (default %(default)s)')
     parser.add_argument('--seed', type=int, default=0, help='default %(default)s')
     parser.add_argument('--rate', type=float, default=50.0,
                         help='commands a second; fewer leave more time for messages (default %(default)s)')
@@ -101,7 +104,7 @@ def main():
         try:
             rig.up()
             begin = time.monotonic()
-            sent = send_all(rig, arguments.count, arguments.seed)
+            sent = send_all(rig, arguments.count, arguments.seed, arguments.minutes)
             seconds = time.monotonic() - begin
             rig.until(lambda: rig.diagnostics)
             rig.diagnostics.clear()

@@ -36,6 +36,7 @@ from style_servo.trajectory_message import points_of
 __all__ = ['BridgeNode', 'main']
 
 STATE_EVERY_S = 0.1
+SHARE_OF_PERIOD = 0.3       # for messages at one go
 
 
 def _floats(values):
@@ -200,6 +201,18 @@ class BridgeNode(SoundLifecycleNode):
     # --- input --------------------------------------------------------------------------------------------------
 
     def _on_trajectory(self, raw):
+        # what has arrived is taken at one go, without keeping the next cycle waiting
+        end = time.monotonic() + SHARE_OF_PERIOD * self._period
+        while True:
+            self._take(raw)
+            if time.monotonic() > end:
+                break
+            more = self._subscriptions_made[0].handle.take_message(JointTrajectory, True)
+            if more is None:
+                break
+            raw = more[0]
+
+    def _take(self, raw):
         if not self._active:
             return
         self._taken += 1

@@ -32,6 +32,7 @@ POSITION_MODE = 3
 TIME_PROFILE = 0x04         # bit of Drive Mode
 ALERT = 0x80                # bit of a status packet's error
 TRIES = 3
+LINGER_S = 0.02       # after a failed question, so that a late answer is not taken for that of the next
 _GONE = (OSError, termios.error, TypeError)     # serial.SerialException is an OSError; TypeError: closed underneath
 _HARDWARE = {0x01: 'input voltage', 0x04: 'overheating', 0x08: 'encoder', 0x10: 'electrical shock', 0x20: 'overload'}
 # read every cycle through the indirect data block, in this order
@@ -294,7 +295,7 @@ class DynamixelBackend:
         self._insist(servo, 'Indirect Addresses',
                      lambda: self._packets.writeTxRx(self._port, servo.id, first, len(data), list(data)))
         found, *_ = self._insist(servo, 'Indirect Addresses',
-                                 lambda: self._packets.readTxRx(self._port, servo.id, first, len(data)))
+                                 lambda: self._packets.readTxRx(self._port, servo.id, first, len(data)), len(data))
         if bytes(found) != data:
             raise BackendFault(f'{servo}: the indirect addresses did not take')
 
@@ -323,13 +324,19 @@ class DynamixelBackend:
 
     # --- single items -------------------------------------------------------------------------------------------
 
-    def _insist(self, servo, what, call):
-        """Call the SDK until it succeeds, a few times; returns what it returned, and raises for a refusal."""
+    def _insist(self, servo, what, call, length=0):
+        """Call the SDK until it succeeds, a few times; returns what it returned, and raises for a refusal.
+
+        ``length`` is that of the data wanted: a late answer to an older question has another one.
+        """
         for _ in range(TRIES):
             answer = call()
-            if answer[-2] == COMM_SUCCESS:
+            result, error = answer[-2:]
+            if result == COMM_SUCCESS and length and not error & ~ALERT and len(answer[0]) != length:
+                result = COMM_RX_CORRUPT
+            if result == COMM_SUCCESS:
                 break
-        result, error = answer[-2:]
+            time.sleep(LINGER_S)
         if result != COMM_SUCCESS:
             raise BackendFault(f'{servo}: {what}: {self._packets.getTxRxResult(result)}')
         if error & ~ALERT:
@@ -338,10 +345,8 @@ class DynamixelBackend:
 
     def _read(self, servo, name):
         item = servo.table[name]
-        data, *_ = self._insist(servo, name, lambda: self._packets.readTxRx(self._port, servo.id, item.address,
-                                                                           item.size))
-        if len(data) != item.size:
-            raise BackendFault(f'{servo}: {name}: the answer has the wrong length')
+        data, *_ = self._insist(
+            servo, name, lambda: self._packets.readTxRx(self._port, servo.id, item.address, item.size), item.size)
         return int.from_bytes(bytes(data), 'little')
 
     def _write(self, servo, name, value):

@@ -4,7 +4,7 @@ import numpy as np
 __all__ = ['KINDS', 'hostile_fields', 'legal_fields']
 
 
-def legal_fields(chain, now, seconds=0.5, points=20):
+def legal_fields(chain, now, seconds=0.5, points=8):
     """One window of an endless motion through the middle of every joint's range, at ``now`` (s).
 
     Returns
