@@ -98,15 +98,19 @@ def main():
         projected = synthesize(machine, found.gamma, found.v)
         emission = found.emission
         path = machine.coordinates.decode(trajectory(information(emission), found.gamma))
+        posed = machine.coordinates.decode(trajectory(information(
+            replace(machine.at(found.v), pose=emission.pose)), found.gamma))
         rows.append([motion.name, found.nearest, rms_deg(projected, motion),
+                     float(np.degrees(np.sqrt(((posed - motion.positions) ** 2).mean()))),
                      float(np.degrees(np.sqrt(((path - motion.positions) ** 2).mean()))),
                      rms_deg(synthesize(machine, found.gamma, found.nearest), motion), peer,
                      float(np.degrees(motion.positions.std(axis=0).mean()))])
         per_joint = np.degrees(np.sqrt(((projected.positions - motion.positions) ** 2).mean(axis=0)))
         worst = per_joint if worst is None else worst + per_joint
     rows.append(['mean', '', *np.mean([row[2:] for row in rows], axis=0)])
-    report.table('held out', ['recording', 'nearest style', 'style coordinates (projected)', 'its own retrained model',
-                              'nearest training style', 'pooled HMM, own mean pose', 'spread of the recording'], rows,
+    report.table('held out', ['recording', 'nearest style', 'style coordinates', 'the same, own mean pose',
+                              'its own retrained model', 'nearest training style', 'pooled HMM, own mean pose',
+                              'spread of the recording'], rows,
                  'Held-out recordings through analysis: RMS error, degrees a joint. The pooled HMM and the retrained '
                  "model are given the recording's own mean pose; style coordinates have to say it.")
     order = np.argsort(-worst)

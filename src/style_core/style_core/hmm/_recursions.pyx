@@ -2,6 +2,21 @@
 from libc.math cimport exp, log, INFINITY
 
 
+def gaussian_log_density(const double[:, ::1] white, const double[:, ::1] offset, const double[::1] constant,
+                         double[:, ::1] out):
+    """out[t, i] = constant[i] - |white[t, i block] - offset[i]|^2 / 2 in one pass; ``offset`` is (N, D)."""
+    cdef Py_ssize_t n_frames = out.shape[0], n = offset.shape[0], d = offset.shape[1], t, i, k
+    cdef double gap, total
+    with nogil:
+        for t in range(n_frames):
+            for i in range(n):
+                total = 0.0
+                for k in range(d):
+                    gap = white[t, i * d + k] - offset[i, k]
+                    total += gap * gap
+                out[t, i] = constant[i] - 0.5 * total
+
+
 def forward_backward_scaled(const double[:, ::1] log_b, const double[::1] start, const double[:, ::1] trans,
                             const double[:, ::1] trans_t, double[:, ::1] alpha, double[:, ::1] beta,
                             double[:, ::1] weight):

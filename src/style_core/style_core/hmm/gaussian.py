@@ -2,6 +2,7 @@
 import numpy as np
 
 from style_core.errors import ModelError
+from style_core.hmm import _recursions
 
 __all__ = ['log_density', 'moments', 'Moments']
 
@@ -70,16 +71,11 @@ def _complete_log_density(x, means, covs):
     factor = _cholesky(covs)
     whitener = np.linalg.inv(factor)
     stacked = whitener.reshape(n * d, d).T
-    offset = np.einsum('nij,nj->ni', whitener, means).ravel()
+    offset = np.einsum('nij,nj->ni', whitener, means)
     constant = -0.5 * d * np.log(2 * np.pi) - np.log(np.einsum('nii->ni', factor)).sum(axis=1)
     out = np.empty((len(x), n))
     for begin in range(0, len(x), _CHUNK):
-        white = x[begin:begin + _CHUNK] @ stacked
-        white -= offset
-        np.multiply(white, white, out=white)
-        out[begin:begin + _CHUNK] = white.reshape(-1, n, d).sum(axis=2)
-    out *= -0.5
-    out += constant
+        _recursions.gaussian_log_density(x[begin:begin + _CHUNK] @ stacked, offset, constant, out[begin:begin + _CHUNK])
     return out
 
 

@@ -51,7 +51,7 @@ def style_map(machine, found=(), title='Style map'):
 
 
 def occupancy_matrices(rows, title=''):
-    """Occupancy matrices side by side, states downwards, time to the right.
+    """Occupancy matrices above each other, states downwards in the order of their first visit, time to the right.
 
     Parameters
     ----------
@@ -61,9 +61,11 @@ def occupancy_matrices(rows, title=''):
     plt = _pyplot()
     figure, axes = plt.subplots(len(rows), 1, figsize=(11, 0.5 + 1.9 * len(rows)), squeeze=False,
                                 constrained_layout=True)
+    visited = np.concatenate([np.asarray(gamma).argmax(axis=1) for _, gamma in rows])
+    order = list(dict.fromkeys(visited.tolist()))
     for (label, gamma), axis in zip(rows, axes[:, 0]):
-        axis.imshow(np.asarray(gamma).T, aspect='auto', cmap='Greys', interpolation='nearest', vmin=0, vmax=1)
-        axis.set_ylabel('state', fontsize=8)
+        axis.imshow(np.asarray(gamma).T[order], aspect='auto', cmap='Greys', interpolation='nearest', vmin=0, vmax=1)
+        axis.set_ylabel('states by first visit', fontsize=8)
         axis.set_title(label, fontsize=9, loc='left')
     axes[-1, 0].set_xlabel('frame')
     if title:
