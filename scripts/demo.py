@@ -6,10 +6,10 @@ synthetic gait.
 """
 import argparse
 import os
+import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -62,7 +62,8 @@ def main():
     if not recorder.messages:
         print(f'Nothing came back from the nodes; see {args.output / "nodes.log"}', file=sys.stderr)
         return 1
-    bag = args.output / time.strftime('bag_%Y%m%d_%H%M%S')
+    bag = args.output / 'bag'
+    shutil.rmtree(bag, ignore_errors=True)  # of an earlier demo
     recorder.write(bag)
     report(recorder, show, dark_from, args.method, args.output)
     print(f'\nPictures: {args.output}/*.png\nBag:      {bag}')

@@ -41,8 +41,16 @@ class Recorder:
         self.messages = []
         for topic, kind in TOPICS.items():
             durability = DurabilityPolicy.TRANSIENT_LOCAL if topic in LATCHED else DurabilityPolicy.VOLATILE
-            self._node.create_subscription(kind, topic, lambda data, topic=topic: self.messages.append(
-                (time.time_ns(), topic, data)), QoSProfile(depth=2000, durability=durability), raw=True)
+            self._subscribe(topic, kind, QoSProfile(depth=2000, durability=durability))
+
+    def _subscribe(self, topic, kind, qos):
+        def take(data):
+            # all that has come at one go: a wait for each would cost more than the messages, and make them look late
+            while data is not None:
+                self.messages.append((time.time_ns(), topic, data))
+                taken = subscription.handle.take_message(kind, True)
+                data = taken[0] if taken is not None else None
+        subscription = self._node.create_subscription(kind, topic, take, qos, raw=True)
 
     def record(self, seconds, alive, patience=60.0):
         """Record until ``seconds`` after the first joint state, or until ``alive()`` is false."""

@@ -31,7 +31,9 @@ class MessageTemplate:
         end = _walk(message, '', 0, places) + _ENCAPSULATION
         if end > len(self._buffer):
             raise ValueError(f'{type(message).__name__} is not serialised by the rules of CDR here')
-        self._buffer[end:] = 0  # the middleware may leave room behind the message
+        # the middleware may leave room behind the message, which readers of bags do not like
+        self._buffer = self._buffer[:_aligned(end, 4)].copy()
+        self._buffer[end:] = 0
         self._places = {path: self._view(found) for path, found in places.items()}
         before = self._buffer.copy()
         if not self._holds(message):

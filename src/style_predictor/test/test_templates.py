@@ -80,6 +80,16 @@ def test_estimates_of_any_size_are_read_back(styles, behaviours):
     assert tuple(filled.name) == NAMES and len(filled.velocity) == 0
 
 
+def test_messages_are_as_long_as_cdr_says_so_that_other_readers_take_them():
+    from rosbags.typesys import Stores, get_typestore
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    write = writers(identity_map())
+    mean = np.arange(9.0).reshape(3, 3)
+    written = write.trajectory(Outlook(STAMP, mean, mean, mean))
+    read = store.deserialize_cdr(written, 'trajectory_msgs/msg/JointTrajectory')
+    np.testing.assert_array_equal([point.positions for point in read.points], mean)
+
+
 def test_as_many_numbers_as_the_field_has():
     template = MessageTemplate(JointState(name=['a', 'b'], position=[0.0, 0.0]))
     with pytest.raises(ValueError):
