@@ -1,4 +1,5 @@
-"""The main job, live: a person walks, the predictor follows and looks ahead; half-way one leg's sensors go dark.
+"""The main job, live: a person walks, the predictor follows and looks ahead; half-way one leg's sensors go
+dark, and later they come back.
 
 Player and predictor run as ROS 2 nodes; everything they say is recorded as a bag, then scored and drawn. The walk is a
 real one of a person the model has never seen where recordings are at hand (STYLE_MOCAP, else ../shared/mocap), else a
@@ -40,15 +41,15 @@ def main():
     args.output.mkdir(parents=True, exist_ok=True)
     show = material(args.output, args.synthetic, args.trial)
     print(show.story)
-    dark_from = round(args.seconds / 2, 3)
+    dark = round(args.seconds / 2, 3), round(0.8 * args.seconds, 3)
     recorder = Recorder()
     with open(args.output / 'nodes.log', 'w') as log:
         nodes = subprocess.Popen(
             ['ros2', 'launch', str(ROOT / 'launch' / 'replay.launch.py'), f'model:={show.model}', f'file:={show.file}',
-             'loop:=repeat', f'drop:={list(DARK)}', f'drop_from:={dark_from}', f'method:={args.method}',
-             'listeners:=2'], stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
+             'loop:=repeat', f'drop:={list(DARK)}', f'drop_from:={dark[0]}', f'drop_until:={dark[1]}',
+             f'method:={args.method}', 'listeners:=2'], stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
     try:
-        print(f'Walking for {args.seconds:g} s; the left leg goes dark after {dark_from:g} s ...', flush=True)
+        print(f'Walking for {args.seconds:g} s; the left leg is dark from {dark[0]:g} to {dark[1]:g} s ...', flush=True)
         recorder.record(args.seconds, lambda: nodes.poll() is None)
     finally:
         if nodes.poll() is None:
@@ -65,7 +66,7 @@ def main():
     bag = args.output / 'bag'
     shutil.rmtree(bag, ignore_errors=True)  # of an earlier demo
     recorder.write(bag)
-    report(recorder, show, dark_from, args.method, args.output)
+    report(recorder, show, dark, args.method, args.output)
     print(f'\nPictures: {args.output}/*.png\nBag:      {bag}')
     return 0
 
