@@ -146,7 +146,7 @@ def smoothed(behaviours, motion, observed=None):
     phase[back] = phase[settled] - rollout.phase_velocity[settled] * (motion.times[settled] - motion.times[back])
     velocity = rollout.phase_velocity.copy()
     velocity[back] = velocity[settled]
-    return smooth_piece(first, motion.times, y, phase, velocity)
+    return smooth_piece(first, motion.times, y, phase, velocity, iterations=6)
 
 
 def known_phase(training, test, channels):

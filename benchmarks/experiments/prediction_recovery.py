@@ -40,10 +40,16 @@ LOCK_PERCENT = 5.0
 TURN = 2 * np.pi
 
 
-def reference_phases(training, names):
-    """Off-line smoothed phase of each trial by the model of ``training``, {name: (T,) rad}."""
+#: Off-line smoothed phases by subject left out, {subject: {trial: (T,) rad}}; filled before the workers start.
+REFERENCE = {}
+
+
+def reference_phases(subject):
+    """Smoothed phases by the model that leaves ``subject`` out: of its trials, and of one of each training person."""
+    training = others(subject)
     model = full_model(training)
-    return {name: smoothed(model, recording(name)).phase for name in names}
+    trained = [next(n for n in own(person) if _has_contacts(n)) for person in SUBJECTS if person != subject]
+    return {name: smoothed(model, recording(name)).phase for name in (*own(subject), *trained)}
 
 
 def _phase_error(phase, reference):
@@ -63,7 +69,7 @@ def jumps(method, subject, kind, count, seed):
     """
     rng = np.random.default_rng(seed)
     training, tests = others(subject), [n for n in own(subject) if recording(n).n_frames >= BEFORE + 60]
-    reference = reference_phases(training, tests)
+    reference = REFERENCE[subject]
     steady = {name: run(method, training, recording(name)) for name in tests}
     filter_ = predictor(method, training, recording(tests[0]))
     horizons = paper_horizons()
@@ -96,17 +102,17 @@ def jumps(method, subject, kind, count, seed):
 def phases(method, subject):
     """Phase errors of clean runs over one subject: against the smoothed phase, and at heel strikes."""
     training, tests = others(subject), own(subject)
-    smoothed = reference_phases(training, tests)
+    reference = REFERENCE[subject]
     per_trial = {}
     found, at_training = {'left': [], 'right': []}, {'left': [], 'right': []}
     for name in tests:
         rollout = run(method, training, recording(name))
         settled = rollout.times >= rollout.times[0] + 0.5
-        per_trial[name] = phase_error_percent(rollout.phase[settled], smoothed[name][settled])
+        per_trial[name] = phase_error_percent(rollout.phase[settled], reference[name][settled])
         for foot, times in heel_strikes(name).items():
             times = times[times >= rollout.times[0] + 0.5]
             found[foot].append(np.interp(times, rollout.times, np.unwrap(rollout.phase)))
-    for name, phase in reference_phases(training, [n for n in training if _has_contacts(n)]).items():
+    for name, phase in ((n, p) for n, p in reference.items() if n not in tests):
         for foot, times in heel_strikes(name).items():
             at_training[foot].append(np.interp(times, recording(name).times, np.unwrap(phase)))
     strikes = []
@@ -134,6 +140,9 @@ def main(argv=None):
     arguments = parser(__doc__).parse_args(argv)
     everyone = [name for subject in SUBJECTS for name in own(subject)]
     report = page('6_recovery', 'Table 6: recovery, and the error of the phase', paths(everyone))
+    REFERENCE.update(
+        zip(SUBJECTS, parallel(reference_phases, [(s,) for s in SUBJECTS], arguments.workers, 'Table 6, phases'))
+    )
     walkers = [s for s in SUBJECTS if any(recording(n).n_frames >= BEFORE + 60 for n in own(s))]
     count = {method: trials // len(walkers) for method, trials in TRIALS.items()}
     kinds = {'person': 'another person', 'place': 'another place'}
@@ -146,7 +155,7 @@ def main(argv=None):
     results = dict(zip(jobs, parallel(jumps, jobs, arguments.workers, 'Table 6')))
     report.text(
         f"{count['ours'] * len(walkers)} trials of each kind ({count[METHODS[0]] * len(walkers)} for the paper's"
-        f" method), on people never seen (leave one subject out; {len(walkers)} "
+        f' method), on people never seen (leave one subject out; {len(walkers)} '
         f'subjects with recordings of 1.5 s and more). Lost: mean phase error above {LOST_PERCENT:g} % of the '
         'cycle over the last quarter second of the two seconds watched, or of the recording where it ends '
         f'before. Lock: the phase error stays below {LOCK_PERCENT:g} % from then on. Back: E of the predictions '

@@ -4,8 +4,10 @@ import pytest
 
 from style_core.baselines import (
     ConstantVelocity,
+    KnownPhase,
     LinearLeastSquares,
     NearestHistories,
+    ParticleFilter,
     RadialBasisNetwork,
     ZeroVelocity,
 )
@@ -145,3 +147,46 @@ def test_unusable_training_is_refused():
                                  holes.times, name='x')])
     with pytest.raises(MotionError, match='at least one'):
         NearestHistories([])
+
+
+def made_behaviour(seed=0):
+    """A phase-style model of two harmonics and two styles."""
+    from style_core.phase_style.model import Behaviour
+    rng = np.random.default_rng(seed)
+    grid = np.arange(60) * 2 * np.pi / 60
+    waves = np.stack([np.ones(60), np.cos(grid), np.sin(grid), np.cos(2 * grid), np.sin(2 * grid)], axis=1)
+    bases = np.einsum('cw,jwd->jcd', waves, 0.4 * rng.normal(size=(2, 5, 4)))
+    styles = np.array([[1.0, 0.3], [1.0, -0.3], [0.9, 0.0]])
+    return Behaviour(
+        name='made', rhythmic=True, joint_names=NAMES, rate_hz=60.0, sequences=('a', 'b', 'c'), groups=('a', 'b', 'c'),
+        styles=styles, singular_values=np.ones(3), phase_grid=grid, bases=bases, beta=np.array([[1.0, 4.0, 1e6]] * 2),
+        noise=np.full(4, 0.01 ** 2), acceleration=0.05, velocity=np.array([6.0, 0.5, 4.0, 8.0]))
+
+
+def made_recording(behaviour, style=(0.95, 0.15), velocity=6.3, n_frames=150):
+    times = np.arange(n_frames) / 60
+    phase = 0.7 + velocity * times
+    pose = np.einsum('j,jtd->td', np.array(style), np.stack([p.evaluate(phase)[0] for p in behaviour.processes()]))
+    return Motion(NAMES, pose + 0.005 * np.random.default_rng(1).normal(size=pose.shape), times), phase
+
+
+def test_known_phase_predicts_what_the_model_made():
+    behaviour = made_behaviour()
+    motion, phase = made_recording(behaviour)
+    rollout = roll_out(KnownPhase(behaviour, motion.times, phase), motion, paper_horizons(10)).rows(slice(10, None))
+    # what is left is the recording's own noise and that of a style learned from five frames
+    assert 0.8 < error_deg2(rollout.mean, rollout.actual) / np.degrees(0.005) ** 2 < 1.6
+
+
+def test_more_particles_come_closer_to_the_ideal_and_a_seed_repeats():
+    behaviour = made_behaviour()
+    motion, _ = made_recording(behaviour)
+    late = slice(60, None)
+    errors = []
+    for count in (50, 5000):
+        rollout = roll_out(ParticleFilter(behaviour, count, seed=3), motion, paper_horizons(10))
+        errors.append(error_deg2(rollout.rows(late).mean, rollout.rows(late).actual))
+    still = roll_out(ZeroVelocity(NAMES), motion, paper_horizons(10)).rows(late)
+    assert errors[1] < errors[0] and errors[1] < 0.05 * error_deg2(still.mean, still.actual)
+    again = roll_out(ParticleFilter(behaviour, 5000, seed=3), motion, paper_horizons(10))
+    np.testing.assert_array_equal(again.mean, rollout.mean)
