@@ -95,7 +95,9 @@ class Dense:
             self.x, self.p = f @ self.x, f @ self.p @ f.T + q
         mean, h = self.observation()
         h, error = h[observed], (y - mean)[observed]
-        s = h @ self.p @ h.T + np.diag(self.noise[observed])
+        # noise is a density in time where samples come faster than the 60 Hz it was learned at
+        thin = max(1.0, (1 / 60 - 1e-6) / dt) if dt > 0 else 1.0
+        s = h @ self.p @ h.T + thin * np.diag(self.noise[observed])
         gain = np.linalg.solve(s, h @ self.p).T
         self.x = self.x + gain @ error
         self.p = self.p - gain @ h @ self.p

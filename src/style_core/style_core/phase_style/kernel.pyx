@@ -102,6 +102,8 @@ cdef extern from *:
     double dot(const double*, const double*, int) noexcept nogil
 
 cdef double TWO_PI = 6.283185307179586
+#: Distance of the samples that the noise is a variance of, s: at higher rates it stays as dense in time.
+cdef double NOISE_STEP_S = 1 / 60.0 - 1e-6
 #: Standard deviations are evaluated at so many of the horizons, evenly chosen with both ends, and interpolated.
 cdef int KNOTS = 9
 cdef double LOG_TWO_PI = 1.8378770664093453
@@ -504,6 +506,7 @@ cdef class ArrowFilter:
     cdef double[::1] slope, error, inverse, row, s, doubled
     cdef int turn
     cdef bint fresh
+    cdef double thin            # samples that come faster than those the noise was learned from repeat its errors
 
     def __init__(self, Table table, offset, fast, personal, noise, rates, double acceleration, bounds):
         cdef int n, m, D
@@ -649,6 +652,7 @@ cdef class ArrowFilter:
             if self._invert():
                 raise ArithmeticError('the covariance of phase and style is not positive definite')
             self.fresh = True
+        self.thin = NOISE_STEP_S / dt if 0 < dt < NOISE_STEP_S else 1.0
         with nogil:
             status = 0
             if dt > 0:
@@ -845,7 +849,7 @@ cdef class ArrowFilter:
         for i in range(m):
             combine(&self.s[0], &self.A[0, i, 0], m * D, n, &self.g[i, 0], D)
         # V s and the innovation's variance given the common state
-        scale(1.0, &self.noise[0], &self.inverse[0], D)
+        scale(self.thin, &self.noise[0], &self.inverse[0], D)
         for a in range(n):
             scale(self.s[0], &self.V[a, 0, 0], &self.vs[a, 0], D)  # V is stored below its diagonal
             combine(&self.s[1], &self.V[a, 1, 0], D, a, &self.vs[a, 0], D)
