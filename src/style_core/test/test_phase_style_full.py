@@ -185,6 +185,20 @@ def test_a_shower_of_empty_and_sparse_observations(walk):
         assert 0 <= estimate.phase_velocity <= walk.velocity[3]
 
 
+def test_values_no_body_can_have_start_a_new_search(walk):
+    rng = np.random.default_rng(4)
+    y = made_person('n_1', 5.7, 0.8, 91, seconds=6)[0].y
+    predictor = FullPredictor([walk])
+    for frame, row in enumerate(y):
+        if 60 <= frame < 90:
+            row = row + rng.standard_normal(6) * rng.choice([1.0, 1e3, 1e9, 1e300])
+        estimate = predictor.update(frame / 60, row)
+        prediction = predictor.predict(AHEAD)
+        assert np.isfinite(estimate.mean).all() or 60 <= frame < 91
+        assert prediction.mean.shape == (25, 6)
+    assert estimate.status is Status.TRACKING and rms(estimate.mean - y[-1]) < 0.03
+
+
 def test_bad_observations_are_refused_and_change_nothing(walk):
     predictor = FullPredictor([walk])
     y = made_cycle(np.array([1.0]))[0]

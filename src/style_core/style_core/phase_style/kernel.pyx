@@ -188,6 +188,8 @@ cdef class Table:
             if at <= 0 or at >= self.nodes:
                 at = 0 if at <= 0 else self.nodes
                 rate[0] = 0
+        if not (at >= 0 and at <= self.nodes):  # not a number
+            at = 0
         node[0] = <int>at
         if node[0] > self.nodes - 1:
             node[0] = self.nodes - 1
@@ -650,7 +652,7 @@ cdef class ArrowFilter:
         cdef int status
         if not self.fresh:
             if self._invert():
-                raise ArithmeticError('the covariance of phase and style is not positive definite')
+                raise ArithmeticError('what was observed is too far from anything the model can represent')
             self.fresh = True
         self.thin = NOISE_STEP_S / dt if 0 < dt < NOISE_STEP_S else 1.0
         with nogil:
@@ -660,7 +662,7 @@ cdef class ArrowFilter:
             if status == 0:
                 status = self._observe(&y[0], &observed[0])
         if status:
-            raise ArithmeticError('the covariance of phase and style is not positive definite')
+            raise ArithmeticError('what was observed is too far from anything the model can represent')
 
     cdef int _advance(self, double dt) noexcept nogil:
         cdef int i, j, a, b, k, r, m = self.common, n = self.states, D = self.channels, drift = -1
@@ -869,6 +871,8 @@ cdef class ArrowFilter:
         if seen == 0:
             self.innovation, self.log_likelihood = NAN, 0
             return 0
+        if not squares < 1e200:
+            return 1
         # common state in information form
         for i in range(m):
             product(&self.g[i, 0], &self.inverse[0], &self.row[0], D)
@@ -934,7 +938,7 @@ cdef class ArrowFilter:
             for j in range(self.common):
                 self.factor[i, j] = self.P[i, j]
         if cholesky(&self.factor[0, 0], self.common):
-            raise ArithmeticError('the covariance of phase and style is not positive definite')
+            raise ArithmeticError('what was observed is too far from anything the model can represent')
         for h in range(1, H):
             if horizons[h] < horizons[h - 1]:
                 knots = H

@@ -184,6 +184,15 @@ class FullPredictor:
         if dt > GAP_S:
             self._forget()
             dt = 0.0
+        try:
+            self._follow(dt)
+        except ArithmeticError:  # values no body can have: what they did to the filters is of no use
+            self._forget()
+        return self._estimate()
+
+    def _follow(self, dt):
+        """Update the leader, search, and judge."""
+        gate = self._gate
         sampled = self._store()
         spent = 0
         leader = self._leader
@@ -203,7 +212,6 @@ class FullPredictor:
             out = self._monitor.add(leader.filter.innovation, dt)
             if out and 'restart' not in self._without:
                 self._lose()
-        return self._estimate()
 
     def _store(self):
         """Keep the observation for the search if it is far enough from the last one and not empty."""
@@ -344,13 +352,13 @@ class FullPredictor:
     def _estimate(self):
         gate = self._gate
         observed = gate.observed.astype(bool)
+        mean, std, velocity = self._now
         leader = self._leader
-        if leader is None:  # nothing was ever observed
+        if leader is None:  # nothing was observed yet
             index, one, innovation, log_likelihood = 0, self._pool[0][0], math.nan, 0.0
         else:
             index, one = leader.behaviour, leader.filter
             innovation, log_likelihood = one.innovation, one.log_likelihood
-        mean, std, velocity = self._now
         one.predict(self._zero, mean, std, velocity)
         scale = self._now_scale[index]
         phase, speed, covariance, style, style_covariance = one.describe(*self._priors[index])
@@ -375,7 +383,12 @@ class FullPredictor:
         mean, std, velocity = np.empty(shape), np.empty(shape), np.empty(shape)
         leader = self._leader
         index, one = (0, self._pool[0][0]) if leader is None else (leader.behaviour, leader.filter)
-        one.predict(horizons, mean, std, velocity)
+        try:
+            one.predict(horizons, mean, std, velocity)
+        except ArithmeticError:
+            self._forget()
+            index, one = 0, self._pool[0][0]
+            one.predict(horizons, mean, std, velocity)
         std *= self._scale(index, horizons)[:, None]
         start = 0.0 if self._gate.time is None else self._gate.time
         return Prediction(start + horizons, mean, std, velocity)
