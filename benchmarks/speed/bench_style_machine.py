@@ -30,7 +30,7 @@ def timed(function, repeats):
     return durations
 
 
-def em_iteration(seed, repeats=7):
+def em_iteration(seed, repeats=3):
     """One EM iteration at 75 states, 6000 frames, 10 dimensions: ours and hmmlearn's two implementations."""
     from hmmlearn.hmm import GaussianHMM
     rng = np.random.default_rng(seed)
@@ -123,7 +123,8 @@ def main():
     parser.add_argument('--output', metavar='FOLDER', help='write a result page with the plot into this folder')
     args = parser.parse_args()
     report = Report('bench_style_machine', 'Speed of style machines',
-                    'python benchmarks/speed/bench_style_machine.py --training', args.seed)
+                    'python benchmarks/speed/bench_style_machine.py' + (' --training' if args.training else ''),
+                    args.seed)
 
     def table(name, columns, rows, caption):
         print(f'\n{caption}')
