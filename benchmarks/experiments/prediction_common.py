@@ -4,6 +4,7 @@ import argparse
 import hashlib
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -88,6 +89,7 @@ def rest_pose(training):
 
 
 # ------------------------------------------------------------------------------------------------- methods
+
 
 @cache
 def behaviour(training, channels=50, dimension=None):

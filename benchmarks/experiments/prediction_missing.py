@@ -3,6 +3,7 @@
 The paper's three cases on its own protocol, random sensors, bursts, half the sensors, all but two; and the public
 missing-limb benchmark (subject 35, right leg or upper body unseen from frame 63 on) on its exact features.
 """
+
 from functools import cache
 
 import numpy as np
@@ -19,6 +20,8 @@ from prediction_common import (
     paths,
     recording,
     run,
+    smoothed,
+    trained,
 )
 from prediction_seed import joined
 
