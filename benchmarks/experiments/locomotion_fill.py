@@ -20,7 +20,7 @@ from style_core.locomotion.infer import fill
 from style_core.locomotion.learn import learn
 from style_core.locomotion.online import LocomotionPredictor, fill_causally
 from style_core.phase_style.smoother import fill as fill_phase_style
-from style_core.phase_style.training import train_full
+from style_core.phase_style.training import train
 from style_core.pictures import Line, joint_curves
 from style_core.report import Report
 
@@ -121,7 +121,7 @@ def main():
         key = tuple(training)
         if key not in learned:
             given = [motions[name] for name in training]
-            learned[key] = (learn(given, args.styles, seed=args.seed, restarts=3), train_full(
+            learned[key] = (learn(given, args.styles, seed=args.seed, restarts=3), train(
                 given, joints=[name for name in given[0].joint_names if not name.startswith('root.')]), given)
         model, behaviour, given = learned[key]
         whole = motions[test]
