@@ -7,8 +7,9 @@ with label.
 """
 from locomotion_common import actions, linear_phases, names, parser, purity, recording  # isort: skip
 
-import sys
-from concurrent.futures import ProcessPoolExecutor
+import json
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -98,31 +99,48 @@ def main():
     options = parser(__doc__)
     options.add_argument('--seeds', type=int, default=50)
     options.add_argument(
-        '--few', type=int, default=15, help="seeds for the two slow comparisons (the paper's start, linear dynamics)"
+        '--few', type=int, default=5, help="seeds for the two slow comparisons (the paper's start, linear dynamics)"
     )
     options.add_argument('--jobs', type=int, default=2)
+    options.add_argument('--resume', type=Path, help='file that keeps finished seeds, to go on after an interruption')
     args = options.parse_args()
     trials = names()
     label = actions(trials)
     person = [f'{name[:2]} {action}' for name, action in zip(trials, label)]
     counts = list(range(2, 11))
     data = prepare()
-    results = {}
+    done = {}
+    if args.resume and args.resume.exists():
+        for line in args.resume.read_text().splitlines():
+            seed, found = json.loads(line)
+            done[seed] = {tuple(key): groups for key, groups in found}
+    wanted = [args.seed + s for s in range(args.seeds)]
     with ProcessPoolExecutor(args.jobs) as pool:
-        tasks = [
-            pool.submit(run_seed, args.seed + s, counts, data, s < args.few, s < args.few) for s in range(args.seeds)
-        ]
-        for task in tqdm(tasks, desc='seeds', disable=None):
-            for key, groups in task.result().items():
-                results.setdefault(key, []).append(
-                    groups if key[0] == 'bound' else (purity(groups, label), purity(groups, person)))
+        tasks = {
+            pool.submit(run_seed, seed, counts, data, k < args.few, k < args.few): seed
+            for k, seed in enumerate(wanted)
+            if seed not in done
+        }
+        for task in tqdm(as_completed(tasks), total=len(tasks), desc='seeds', disable=None):
+            found = {key: np.asarray(groups).tolist() for key, groups in task.result().items()}
+            done[tasks[task]] = found
+            if args.resume:
+                line = json.dumps([tasks[task], [[list(key), groups] for key, groups in found.items()]])
+                with open(args.resume, 'a') as stream:
+                    stream.write(line + '\n')
+    results = {}
+    for seed in wanted:
+        for key, groups in done[seed].items():
+            results.setdefault(key, []).append(
+                groups if key[0] == 'bound' else (purity(groups, label), purity(groups, person))
+            )
     for count in counts:    # what `learn` does: of five starts the one with the highest bound
         fives = np.array(results['bound', count])[:args.seeds // 5 * 5].reshape(-1, 5).argmax(axis=1)
         results[BEST, count] = [results[METHODS[1], count][5 * k + best] for k, best in enumerate(fives)]
     report = Report(
         'clusters',
         'Styles found without labels',
-        'python ' + ' '.join(['benchmarks/experiments/locomotion_clusters.py', *sys.argv[1:]]),
+        f'python benchmarks/experiments/locomotion_clusters.py --seeds {args.seeds} --few {args.few}',
         args.seed,
         [trial_path(name) for name in trials],
     )

@@ -315,6 +315,22 @@ def test_root_travel_goes_there_and_back():
         FeatureMap(('a',), ('m',)).encode(Motion(('a',), np.zeros((2, 1)), [0, 1]))
 
 
+def test_its_phases_train_a_phase_style_model(gaits, learned):
+    from style_core.phase_style.training import train
+
+    def phase_of(motion):
+        found = analyze(learned, motion)
+        return found.times, found.phase
+
+    behaviour = train(gaits, joints=NAMES, rate_hz=RATE, residual=False, phase_of=phase_of)
+    assert behaviour.sequences == tuple(motion.name for motion in gaits)
+    # the common phases are the locomotion model's own: a pose of each style at phase 0 is that of the style's cycle
+    shapes = prototypes(learned).pose(np.array([0.0]))[:, 0]
+    poses = np.tensordot(behaviour.styles, behaviour.bases[:, 0], axes=1)
+    for k in range(2):
+        np.testing.assert_allclose(poses[k], shapes[learned.labels[k].argmax()], atol=0.1)
+
+
 def test_commands(gaits, tmp_path, capsys):
     files = []
     for motion in gaits[:4]:

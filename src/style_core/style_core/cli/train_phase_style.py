@@ -41,6 +41,9 @@ def add_arguments(parser, argv):
                         help='dimension of the style (default: chosen from the singular values)')
     parser.add_argument('--rate', type=float, default=RATE_HZ, metavar='HZ',
                         help=f'rate to learn at (default: {RATE_HZ:g}; the predictor takes any rate)')
+    parser.add_argument('--aligned-by', metavar='LOCOMOTION.npz',
+                        help='take the phases of rhythmic recordings from this locomotion model (which must know '
+                             'joints of theirs) instead of their auto-correlation')
     parser.add_argument('--recorded-rate', type=float, metavar='HZ',
                         help='rate of the recordings where their format does not say it (AMC; default: 120)')
 
@@ -65,8 +68,17 @@ def run(args):
         given = options if path.lower().endswith('.amc') else {}
         motions[path] = continuous(read_motion(path, **given)).replace(name=Path(path).stem)
     joints = common_joints(list(motions.values()), args.joints)
+    phase_of = None
+    if args.aligned_by:
+        from style_core.locomotion import analyze, load
+        aligner = load(args.aligned_by)
+
+        def phase_of(motion):
+            found = analyze(aligner, motion)
+            return found.times, found.phase
     behaviours = [
-        train([motions[file] for file in files], name, rhythmic, joints, args.styles, args.rate, progress=True)
+        train([motions[file] for file in files], name, rhythmic, joints, args.styles, args.rate, progress=True,
+              phase_of=phase_of if rhythmic else None)
         for (name, *files), rhythmic in tqdm(groups, desc='learning', unit='behaviour', disable=None, leave=False)]
     save_behaviours(args.output, behaviours, paths)
     for behaviour in behaviours:

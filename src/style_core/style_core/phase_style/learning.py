@@ -108,7 +108,7 @@ def _period_of(sequence):
         raise MotionError(f'{sequence.name}: {error}') from None
 
 
-def align_rhythmic(sequences, rounds=6):
+def align_rhythmic(sequences, rounds=6, phases=None):
     """Common phase of rhythmic sequences (eq. 5), to a fraction of a frame, using all their cycles.
 
     Periods by auto-correlation give a first linear phase; cycle and phase of each sequence are then refined in
@@ -120,6 +120,8 @@ def align_rhythmic(sequences, rounds=6):
     sequences : list of Sequence
     rounds : int
         Alternations of cycle and phase.
+    phases : list of ndarray, shape (T_s,), optional
+        Unwrapped phases common to all sequences, where another model has aligned them; they are refined only.
 
     Returns
     -------
@@ -127,8 +129,9 @@ def align_rhythmic(sequences, rounds=6):
     """
     grid = np.arange(SAMPLES) * 2 * np.pi / SAMPLES
     design = harmonic_design(grid, HARMONICS)[0]
-    periods = [_period_of(sequence) for sequence in sequences]
-    phases = [2 * np.pi * np.arange(len(sequence.y)) / (sequence.rate_hz * length)
+    aligned = phases is not None
+    periods = [] if aligned else [_period_of(sequence) for sequence in sequences]
+    phases = phases if aligned else [2 * np.pi * np.arange(len(sequence.y)) / (sequence.rate_hz * length)
               for sequence, length in zip(sequences, periods)]
     acceleration = 1.0
     for _ in range(rounds):
@@ -143,6 +146,8 @@ def align_rhythmic(sequences, rounds=6):
             fits.append((evaluate, _noise(sequence.y - evaluate(phase)[0])))
         phases, acceleration = _refine(sequences, phases, fits, acceleration)
     cycles = [design @ fit_cycle(sequence.y, phase, HARMONICS) for sequence, phase in zip(sequences, phases)]
+    if aligned:
+        return Aligned(list(phases), np.array(cycles), grid, acceleration)
     reference = cycles[int(np.argmin(periods))]
     for _ in range(4):
         for index, (sequence, phase) in enumerate(zip(sequences, phases)):
@@ -262,10 +267,10 @@ def style_of(y, phase, processes):
     return style, np.tensordot(style, basis, axes=1)
 
 
-def align(sequences, rhythmic):
+def align(sequences, rhythmic, phases=None):
     """Align sequences and return them with their `Aligned` phases (discrete ones cut to their active span)."""
     if rhythmic:
-        return list(sequences), align_rhythmic(sequences)
+        return list(sequences), align_rhythmic(sequences, phases=phases)
     cut = []
     for sequence in sequences:
         start, stop = active_span(sequence)

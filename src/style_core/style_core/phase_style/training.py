@@ -90,7 +90,7 @@ def to_sequence(motion, joint_names, rate_hz=RATE_HZ, group=None):
 
 
 def train(motions, name='motion', rhythmic=True, joints=None, dimension=None, rate_hz=RATE_HZ,
-          residual=True, progress=False):
+          residual=True, progress=False, phase_of=None):
     """Learn one behaviour from recordings.
 
     Parameters
@@ -107,6 +107,8 @@ def train(motions, name='motion', rhythmic=True, joints=None, dimension=None, ra
         Also learn the residual model that the full filter needs (the paper's method does not).
     progress : bool
         Show a bar on a terminal.
+    phase_of : callable, optional
+        ``motion -> times (T,), phases (T,)``: phases that another model found, common to all recordings (rhythmic only).
 
     Returns
     -------
@@ -114,6 +116,10 @@ def train(motions, name='motion', rhythmic=True, joints=None, dimension=None, ra
     """
     joints = common_joints(motions) if joints is None else list(joints)
     sequences = [to_sequence(motion, joints, rate_hz) for motion in motions]
-    sequences, aligned = align(sequences, rhythmic)
+    phases = None
+    if phase_of is not None:
+        phases = [np.interp(motion.times[0] + np.arange(len(sequence.y)) / rate_hz, *phase_of(motion))
+                  for motion, sequence in zip(motions, sequences)]
+    sequences, aligned = align(sequences, rhythmic, phases)
     behaviour = bases_from(sequences, aligned, name, rhythmic, joints, dimension)
     return learn_residual(behaviour, sequences, aligned, progress=progress) if residual else behaviour
