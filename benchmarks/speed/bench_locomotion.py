@@ -1,8 +1,8 @@
-"""Speed of the locomotion model: learning 39 recordings of 62 channels, and how its cost grows with frames and positions.
+"""Speed of the locomotion model: learning 39 recordings of 62 channels; its cost against frames and positions.
 
-The recordings are those of subjects 07, 08, 09 and the first of 35 where the mocap is present, else made ones of the same sizes.
-Each row is the best of several runs in one process; ratios are to the row above or to a dense peer in the same run: the cyclic
-chain against numpy's dense inverse, forward-backward against hmmlearn's C++ recursion over the full transition matrix.
+The recordings are those of subjects 07, 08, 09 and the first of 35 where the mocap is present, else made ones of the
+same sizes. Each row is the best of several runs in one process. Peers in the same run: numpy's dense inverse for the
+cyclic chain, hmmlearn's C++ recursion over the full transition matrix for forward-backward.
 """
 import os
 
@@ -35,7 +35,8 @@ def best(function, repeats=3):
 def recordings(rate_hz):
     """Scaled features of 39 recordings with all 62 channels, their noise limit, and where they come from."""
     try:
-        names = [name for subject in ('07', '08', '09', '35') for name in datasets.trials(subject=subject)][:N_RECORDINGS]
+        names = [name for subject in ('07', '08', '09', '35') for name in datasets.trials(subject=subject)]
+        names = names[:N_RECORDINGS]
         features, frames, _ = features_of([datasets.trial(name, None) for name in names], rate_hz)
     except MotionError:
         rng = np.random.default_rng(0)
@@ -71,8 +72,8 @@ def main():
         frames = sum(map(len, data))
         spent = best(lambda data=data, sizes=sizes, limit=limit: fit(
             data, sizes, args.styles, 0, precision_max=limit, threads=args.threads), 2)
-        print(f'{rate:7g}  {source:4}  {frames:6d}  {data[0].shape[1]:8d}  {sizes.n_positions:9d}  {sizes.max_jump:5d}  '
-              f'{spent:7.2f}  {1e6 * spent / frames / 48:.2f}')
+        print(f'{rate:7g}  {source:4}  {frames:6d}  {data[0].shape[1]:8d}  {sizes.n_positions:9d}  '
+              f'{sizes.max_jump:5d}  {spent:7.2f}  {1e6 * spent / frames / 48:.2f}')
     print('\nForward-backward: ns per frame and position (level = linear in both)')
     print('frames  positions  ms      ns per cell')
     for n_frames, n_positions in ((500, 65), (1000, 65), (4000, 65), (1000, 130), (1000, 260), (1000, 520)):

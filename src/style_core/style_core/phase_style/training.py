@@ -108,7 +108,8 @@ def train(motions, name='motion', rhythmic=True, joints=None, dimension=None, ra
     progress : bool
         Show a bar on a terminal.
     phase_of : callable, optional
-        ``motion -> times (T,), phases (T,)``: phases that another model found, common to all recordings (rhythmic only).
+        ``motion -> times (T,), phases (T,)``: phases that another model found, common to all recordings (rhythmic
+        only).
 
     Returns
     -------
