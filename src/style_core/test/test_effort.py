@@ -374,6 +374,20 @@ def test_restyling_moves_effort_towards_what_was_asked(made_library):
     assert efforts[0] < -0.5 < 0.5 < efforts[1]
 
 
+def test_restyled_motion_leads_where_the_input_leads(made_library):
+    library, motions, _ = made_library
+    from style_core.motion import concatenate
+    source = concatenate([motions[k] for k in (1, 9, 20, 4)])
+    bend = source.positions.copy()
+    bend[:, source.joint_names.index('root.ry')] = np.linspace(0.3, 4.0, source.n_frames)
+    source = source.replace(positions=bend)
+    result = restyle(library, source, (2.0, np.nan, np.nan))
+    headings = [library.space.encode(motion) for motion in (source, result.motion)]
+    turned = [poses.root[1:, 3].sum() for poses in headings]
+    assert turned[1] == pytest.approx(turned[0], abs=0.1)
+    assert headings[1].start[2] == pytest.approx(headings[0].start[2], abs=1e-6)
+
+
 def test_live_restyling_is_the_recorded_one(made_library):
     library, motions, _ = made_library
     from style_core.motion import concatenate

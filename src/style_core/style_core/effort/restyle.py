@@ -130,12 +130,18 @@ class LiveRestyler:
         self.neighbours = neighbours
         self.verify = verify
         self.choices = []
+        self._headings = []
         self._segmenter = Segmenter(library.sequences)
         self._joiner = Joiner(library.rate_hz)
 
     def push(self, motion):
         """Take input frames (a Motion at the library's rate); returns a list of `Poses` that are final."""
         poses = self.library.space.encode(motion)
+        if poses.root is not None:
+            headings = poses.start[2] + np.concatenate([[0.0], np.cumsum(poses.root[1:, 3])])
+            if self._headings:  # each call unwraps by itself
+                headings += 2 * np.pi * np.round((self._headings[-1] - headings[0]) / (2 * np.pi))
+            self._headings.extend(headings)
         self._segmenter.push(poses.joints * self.library.scale)
         return self._restyled(self._segmenter.settled())
 
@@ -151,10 +157,20 @@ class LiveRestyler:
         for segment in segments:
             blend, effort = choose_blend(self.library, segment.fragment, self.target, self.neighbours, self.verify)
             self.choices.append(Choice(segment, blend, effort))
-            done = self._joiner.append(self.library.blend(blend))
+            done = self._joiner.append(self._on_its_way(self.library.blend(blend), segment))
             if done is not None:
                 parts.append(done)
         return parts
+
+
+    def _on_its_way(self, poses, segment):
+        """Poses that turn as much in all as the input does here: where a motion leads to is content, not style."""
+        if poses.root is None:
+            return poses
+        turned = self._headings[segment.stop - 1] - self._headings[max(segment.start - 1, 0)]
+        root = poses.root.copy()
+        root[:, 3] += (turned - root[:, 3].sum()) / len(root)
+        return Poses(poses.joints, root, poses.start)
 
 
 def restyle(library, motion, target, neighbours=6, verify=None):
