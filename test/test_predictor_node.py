@@ -222,7 +222,8 @@ class TestPredictor(unittest.TestCase):
                          ['3', '3', '4'])
 
     def test_07_the_clock_jumps(self):
-        self.assertEqual(self.probe.set_parameters(max_stamp_age=0.0), '')
+        # a busy machine may pause for seconds; that is not what is counted here
+        self.assertEqual(self.probe.set_parameters(max_stamp_age=0.0, max_gap=10.0), '')
         self.play(30)
         self.clear()
         resets = self.fact('clock resets')
@@ -236,7 +237,7 @@ class TestPredictor(unittest.TestCase):
         self.play(1, lambda n, p, s: (n, p, s - 50_000 * MS), answered=False)  # a single broken stamp
         self.play(5)
         self.assertEqual(self.fact('clock resets'), resets + 2)
-        self.assertEqual(self.probe.set_parameters(max_stamp_age=5.0), '')
+        self.assertEqual(self.probe.set_parameters(max_stamp_age=5.0, max_gap=1.0), '')
 
     def test_08_partial_messages_of_two_publishers_are_one(self):
         half = len(self.names) // 2
