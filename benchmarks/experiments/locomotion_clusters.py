@@ -156,7 +156,7 @@ def main():
     figure, axes = plt.subplots(1, 2, figsize=(13, 5), sharey=False)
     for which, (title, axis) in enumerate(zip(('walk, slow walk, run', 'person and label'), axes)):
         rows = []
-        for method in METHODS:
+        for method in [name for name in METHODS if results.get((name, counts[0]))]:
             values = [np.array(results[method, count])[:, which] for count in counts]
             rows.append([f'{method} ({len(values[0])})'] + [f'{v.mean():.3f} +- {v.std():.3f}' for v in values])
             axis.errorbar(

@@ -35,6 +35,7 @@ METHODS = (
     'nearest neighbour',
     'own first half repeated',
 )
+PROTOCOLS = ('same person in training', 'person not in training')
 SHOWN = ('rhumerus.rx', 'thorax.rx', 'lradius.rx', 'upperneck.rx')
 
 
@@ -110,12 +111,16 @@ def main():
     options = parser(__doc__)
     options.add_argument('--styles', type=int, default=6)
     options.add_argument('--tests', nargs='+', default=['07_01', '07_03'])
+    options.add_argument('--protocols', nargs='+', default=list(PROTOCOLS), choices=PROTOCOLS)
     args = options.parse_args()
     motions = {name: recording(name).resample(RATE_HZ) for name in names()}
     strangers = [name for name in motions if not name.startswith('07')]
     errors, covered, figure = {}, {}, None
-    jobs = [(test, 'same person in training', [n for n in motions if n != test]) for test in args.tests]
-    jobs += [(test, 'person not in training', strangers) for test in args.tests]
+    jobs = []
+    if PROTOCOLS[0] in args.protocols:
+        jobs += [(test, PROTOCOLS[0], [n for n in motions if n != test]) for test in args.tests]
+    if PROTOCOLS[1] in args.protocols:
+        jobs += [(test, PROTOCOLS[1], strangers) for test in args.tests]
     learned = {}
     for test, protocol, training in tqdm(jobs, desc='tests', disable=None):
         key = tuple(training)
@@ -141,7 +146,9 @@ def main():
                     :, [whole.joint_names.index(name) for name in SHOWN]]) for method, positions in found.items()
                     if method in (METHODS[0], METHODS[1], METHODS[4])]
                 figure = joint_curves(SHOWN, lines, spans=[(half, whole.times[-1], 'upper body missing')], title=test)
-    report = Report('fill', 'Filling in missing joints', 'python benchmarks/experiments/locomotion_fill.py', args.seed,
+    command = f'python benchmarks/experiments/locomotion_fill.py --tests {" ".join(args.tests)} --protocols '
+    command += ' '.join(f'"{protocol}"' for protocol in args.protocols)
+    report = Report('fill', 'Filling in missing joints', command, args.seed,
                     [trial_path(name) for name in motions])
     report.text(
         f'Test recordings {", ".join(args.tests)} at {RATE_HZ:g} Hz, {args.styles} styles; mean squared error '
@@ -150,7 +157,7 @@ def main():
         'test: 9.3, nearest '
         'neighbour 23.9.'
     )
-    for protocol in ('same person in training', 'person not in training'):
+    for protocol in args.protocols:
         rows = []
         for method in METHODS:
             each = errors[protocol, method, CASES[0]]
