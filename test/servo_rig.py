@@ -167,9 +167,9 @@ class ServoRig:
         return self.call(ChangeState, '/servo_bridge/change_state', request).success
 
     def up(self):
-        """Configure and activate."""
-        assert self.change(Transition.TRANSITION_CONFIGURE), self.log()
-        assert self.change(Transition.TRANSITION_ACTIVATE), self.log()
+        """Configure and activate; again where a busy machine kept the simulated servos from answering."""
+        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+            assert any(self.change(transition) for _ in range(4)), self.log()
         self.until(lambda: self.state is State.READY)
         return self
 

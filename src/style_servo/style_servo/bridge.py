@@ -193,6 +193,9 @@ class Bridge:
         period = 1.0 / self.settings.rate
         while self._torque and not self._lost and self.moving and clock() < end:
             self._limiter.brake()
+            self.target[:] = self.command
+            if self.trace is not None:
+                self.trace(clock(), self.state, self.target, self.command, self.backend.measurement.position)
             self._drive(clock())
             sleep(period)
 

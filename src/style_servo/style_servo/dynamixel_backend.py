@@ -284,6 +284,7 @@ class DynamixelBackend:
         if joint.position_p_gain is not None:
             settings['Position P Gain'] = joint.position_p_gain
         for name, value in settings.items():
+            value &= (1 << 8 * table[name].size) - 1        # as the bytes read, without a sign
             if self._read(servo, name) != value:        # spares the EEPROM
                 self._write(servo, name, value)
             found = self._read(servo, name)
@@ -469,7 +470,8 @@ class DynamixelBackend:
         """Say which servos are missing. Quick, so that the Bus Watchdogs of the others do not run out."""
         silent = [servo for servo in self._servos
                   if all(self._glance(servo, servo.table['ID'].address, 1) is None for _ in range(2))]
-        run, self._run = f'{self._run} cycles in a row without a complete answer', 0
+        run = f'{self._run} cycles in a row without a complete answer' if self._run else 'no complete answer at the start'
+        self._run = 0
         if len(silent) == len(self._servos):
             raise BackendFault(f'{run}: no servo answers any more; check power and cable', True)
         if silent:
