@@ -470,7 +470,8 @@ class DynamixelBackend:
         """Say which servos are missing. Quick, so that the Bus Watchdogs of the others do not run out."""
         silent = [servo for servo in self._servos
                   if all(self._glance(servo, servo.table['ID'].address, 1) is None for _ in range(2))]
-        run = f'{self._run} cycles in a row without a complete answer' if self._run else 'no complete answer at the start'
+        run = (f'{self._run} cycles in a row without a complete answer' if self._run else
+               'no complete answer while switching on')
         self._run = 0
         if len(silent) == len(self._servos):
             raise BackendFault(f'{run}: no servo answers any more; check power and cable', True)
