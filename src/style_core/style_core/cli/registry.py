@@ -13,6 +13,7 @@ COMMANDS = {
     'synthesize': ('make new motion', 'style_core.cli.by_kind'),
     'analyze': ('find phase, style and content of recordings', 'style_core.cli.by_kind'),
     'fill': ('fill in missing joints of a recording', 'style_core.cli.by_kind'),
+    'retarget': ("compute how a person's joints move a robot's", 'style_core.cli.retarget'),
     'effort': ('restyle a recording: freer, stronger, more sudden', 'style_core.cli.effort'),
     'blend': ('blend two motions in space and time', 'style_core.cli.blend'),
     'label': ("collect a person's effort labels", 'style_core.cli.label'),

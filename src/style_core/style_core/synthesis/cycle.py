@@ -63,6 +63,11 @@ class _Styled(TimedSource):
         self.styles, self.labels = self._cycle.styles, self._cycle.labels
         self._style = Glide(self._cycle.mean_style if style is None else self._checked(style))
 
+    @property
+    def behaviour(self):
+        """What is performed."""
+        return self._cycle.behaviour
+
     def _checked(self, v):
         v = np.asarray(v, dtype=float)
         if v.shape != (len(self.labels),) or not np.isfinite(v).all():
@@ -116,6 +121,11 @@ class CycleSource(_Styled):
         self._velocity = float(behaviour.velocity[0])
         if not self._velocity > 0:
             raise ModelError(f'{behaviour.name}: the mean phase velocity is {self._velocity}, not positive')
+
+    @property
+    def period(self):
+        """Of one cycle at this speed, s; infinite while standing still."""
+        return self._cycle.span / self.cadence if self.cadence > 0 else np.inf
 
     @property
     def cadence(self):

@@ -38,6 +38,11 @@ class Performer:
         return self.source.ready
 
     @property
+    def coming(self):
+        """The source that is about to take over, or the one that has."""
+        return self.source if self._next is None else self._next[0]
+
+    @property
     def blending(self):
         """Whether one source is still on its way into another."""
         return self._decay is not None

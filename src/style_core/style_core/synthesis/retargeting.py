@@ -180,14 +180,15 @@ def _joint(entry):
 
 
 def write_robot(robot, path, comment=''):
-    """Write a robot as YAML that `read_robot` reads; ``comment`` lines go first."""
+    """Write a robot as YAML that `read_robot` reads, gains to four places; ``comment`` lines go first."""
     lines = [f'# {line}'.rstrip() for line in comment.splitlines()]
     lines += [f'name: {robot.name}'] + ([f'urdf: {robot.urdf}'] if robot.urdf else []) + ['joints:']
     for name, joint in robot.joints.items():
         parts = []
         if joint.terms:
-            parts.append('from: {' + ', '.join(f'{one}: {gain:.4g}' for one, gain in joint.terms.items()) + '}')
-        if joint.offset:
+            terms = {one: gain for one, gain in joint.terms.items() if abs(gain) >= 5e-4}
+            parts.append('from: {' + ', '.join(f'{one}: {gain:.4f}' for one, gain in terms.items()) + '}')
+        if abs(joint.offset) >= 5e-5:
             parts.append(f'offset: {joint.offset:.4f}')
         if joint.limits:
             parts.append(f'limits: [{joint.limits[0]:.4f}, {joint.limits[1]:.4f}]')

@@ -1,0 +1,1 @@
+"""The synthesizer node and its terminal slider."""
