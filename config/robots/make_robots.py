@@ -61,8 +61,10 @@ def humanoid():
         at = add(f'{side}_knee', at, (0, 0, -0.11), (0, s, 0), ((0, 0, -0.055), (0.03, 0.035, 0.09)))
         at = add(f'{side}_ank_pitch', at, (0, 0, -0.11), (0, -s, 0), ((0, 0, 0), (0.03, 0.03, 0.03)))
         at = add(f'{side}_ank_roll', at, (0, 0, 0), (1, 0, 0), ((0.01, 0, -0.03), (0.12, 0.07, 0.01)))
-        parts.extend([link(f'{side}_toe_link'), joint(f'{side}_toe', at, f'{side}_toe_link', (0.07, 0, -0.03), None, ())])
-        at = add(f'{side}_sho_pitch', 'body_link', (0, 0.06 * s, 0.11), (0, s, 0), ((0, 0.01 * s, 0), (0.03, 0.02, 0.03)))
+        parts.extend([link(f'{side}_toe_link'),
+                      joint(f'{side}_toe', at, f'{side}_toe_link', (0.07, 0, -0.03), None, ())])
+        at = add(f'{side}_sho_pitch', 'body_link', (0, 0.06 * s, 0.11), (0, s, 0),
+                 ((0, 0.01 * s, 0), (0.03, 0.02, 0.03)))
         at = add(f'{side}_sho_roll', at, (0, 0.03 * s, 0), (-1, 0, 0), ((0, 0.045 * s, 0), (0.03, 0.08, 0.03)))
         at = add(f'{side}_el', at, (0, 0.09 * s, 0), (1, 0, 0), ((0, 0.05 * s, 0), (0.025, 0.09, 0.025)))
         parts.extend([link(f'{side}_hand_link'),
@@ -81,16 +83,18 @@ def exosuit():
                 (f'{side}_ankle', f'{side}_shank', (0, 0, -0.42), (0, -1, 0), (-0.8, 0.5), 0.0))
         for (name, parent, origin, axis, limits, length), child in zip(rows, ('thigh', 'shank', 'foot')):
             child = f'{side}_{child}'
-            shape = ((0, 0, -0.5 * length), (0.08, 0.08, 0.9 * length)) if length else ((0.06, 0, -0.06), (0.24, 0.09, 0.04))
+            shape = ((0, 0, -0.5 * length), (0.08, 0.08, 0.9 * length)) if length else \
+                ((0.06, 0, -0.06), (0.24, 0.09, 0.04))
             parts.extend([link(child, shape), joint(name, parent, child, origin, axis, limits)])
-        parts.extend([link(f'{side}_toe'), joint(f'{side}_tip', f'{side}_foot', f'{side}_toe', (0.18, 0, -0.06), None, ())])
+        parts.extend([link(f'{side}_toe'),
+                      joint(f'{side}_tip', f'{side}_foot', f'{side}_toe', (0.18, 0, -0.06), None, ())])
     return robot('exosuit6', parts)
 
 
 def cmu(skeleton):
     """A skeleton as a chain of single joints for each body, z up."""
     turn = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]], dtype=float)
-    places, rotations = skeleton.rest()
+    places, _ = skeleton.rest()
     axes = skeleton.rest_axes()
     names, parts = skeleton.body_names, [link('world')]
     for index, body in enumerate(skeleton.bodies):
@@ -101,7 +105,7 @@ def cmu(skeleton):
         # the bone begins where its parent ends; its joints sit there
         bone = turn @ (places[index] - places[parent])
         at, origin = names[parent], np.zeros(3)
-        if parent >= 0 and skeleton.bodies[parent].parent >= 0:
+        if skeleton.bodies[parent].parent >= 0:
             origin = turn @ (places[parent] - places[skeleton.bodies[parent].parent])
         for channel in body.channels:
             if channel.kind != 'r':
@@ -110,11 +114,9 @@ def cmu(skeleton):
             limits = (-np.pi, np.pi)
             parts.extend([link(child), joint(channel.name, at, child, origin, turn @ axes[channel.name][1], limits)])
             at, origin = child, np.zeros(3)
-        length = max(float(np.linalg.norm(bone)), 1e-3)
         size = np.maximum(np.abs(bone), 0.04)
         parts.extend([link(names[index], (0.5 * bone, size)),
                       joint(f'{names[index]}_bone', at, names[index], origin, None, ())])
-        del length
     return robot('cmu', parts)
 
 

@@ -69,7 +69,8 @@ class SynthesizerNode(SoundLifecycleNode):
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         overrides = QoSOverridingOptions.with_default_policies()
         self._heard = [
-            self.create_subscription(StateSequence, '~/sequence', self._on_sequence, 5, qos_overriding_options=overrides),
+            self.create_subscription(StateSequence, '~/sequence', self._on_sequence, 5,
+                                     qos_overriding_options=overrides),
             self.create_subscription(StyleVector, '~/style', self._on_style, 5, qos_overriding_options=overrides),
             self.create_subscription(StyleEstimate, 'estimate', self._on_estimate, ESTIMATE_QOS,
                                      qos_overriding_options=overrides)]
@@ -218,10 +219,10 @@ class SynthesizerNode(SoundLifecycleNode):
             behaviour = message.behaviours[best]
         stamp = message.header.stamp.sec * NANOSECONDS + message.header.stamp.nanosec
         age = min(max((self._now() - stamp) / NANOSECONDS, 0.0), 0.2) if stamp else 0.0
-        same = message.model == self.stage.repertoire.name
+        style = message.style if message.model == self.stage.repertoire.name else None
         try:
             self._pass_time()
-            if self.stage.observe(message.phase, message.phase_velocity, behaviour, message.style if same else None, age):
+            if self.stage.observe(message.phase, message.phase_velocity, behaviour, style, age):
                 self._publish()
             else:
                 self._tally.count('estimates not followed')

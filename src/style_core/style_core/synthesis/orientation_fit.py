@@ -245,7 +245,8 @@ def fit_map(plan, motions, targets):
             damping *= 5.0
     low, high = plan.robot.limits(joints)
     return Robot(plan.name, {
-        joint: RobotJoint({names[c]: float(g) for c, g in zip(columns[j], theta[starts[j]:])}, float(theta[ends[j] - 1]),
+        joint: RobotJoint({names[c]: float(g) for c, g in zip(columns[j], theta[starts[j]:])},
+                          float(theta[ends[j] - 1]),
                           (float(low[j]), float(high[j])) if np.isfinite(low[j] + high[j]) else None)
         for j, joint in enumerate(joints)}, plan.urdf)
 

@@ -110,7 +110,8 @@ class Repertoire:
             raise UsageError(f'the mode must be one of {", ".join(MODES)}, not {mode!r}')
         if mode not in self.modes:
             needed = f'a {MODES[mode]} model' if MODES[mode] else 'a motion file'
-            raise UsageError(f'mode {mode} needs {needed}' + (f'; {self.name} is a {self.kind} model' if self.kind else ''))
+            raise UsageError(f'mode {mode} needs {needed}'
+                             + (f'; {self.name} is a {self.kind} model' if self.kind else ''))
         if mode == 'file':
             return MotionFileSource(self.recording, loop, speed)
         if mode == 'random_walk':

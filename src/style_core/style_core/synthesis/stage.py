@@ -1,4 +1,5 @@
 """The synthesizer without ROS: modes, styles and sources of one robot, asked for a window at every tick."""
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -120,11 +121,9 @@ class Stage:
     def _make(self, mode, options):
         source = self.repertoire.source(mode, lag=self.settings.lag, follow=self.settings.follow, **options)
         if self.style_text and len(source.target):
-            try:
+            with suppress(UsageError):      # a style of another model or behaviour: this source keeps its own
                 source.set_style(self._read(source, self.style_text), 1e-3)
-                source.advance(1e-3 if mode == 'follow' else 0.0)
-            except UsageError:
-                pass    # a style of another model or behaviour: this source keeps its own
+                source.advance(1e-3)
         return source
 
     def _begin(self, source):
@@ -246,10 +245,8 @@ class Stage:
         if style is not None and len(style) == len(source.target) and np.isfinite(style).all():
             self._person = np.asarray(style, dtype=float)
             if PERSON in self.style_text:
-                try:
+                with suppress(UsageError):      # an odd estimate: the last style stays
                     source.set_style(self._read(source, self.style_text), _PERSON_LAG_S)
-                except UsageError:
-                    pass    # an odd estimate: the last style stays
         return True
 
     # --- time ---------------------------------------------------------------------------------------------------
