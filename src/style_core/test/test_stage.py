@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_synthesis import made_gait
 
 from style_core.errors import ModelError, UsageError
 from style_core.formats import write_motion
@@ -12,7 +13,6 @@ from style_core.synthesis.performer import window_times
 from style_core.synthesis.repertoire import Score, list_models, load_repertoire
 from style_core.synthesis.retargeting import plain_robot, read_robot
 from style_core.synthesis.stage import CHANGING, FINISHED, IDLE, PLAYING, Stage, StageSettings
-from test_synthesis import made_gait
 
 CONFIG = Path(__file__).resolve().parents[3] / 'config'
 AHEAD = window_times(0.02, 0.4)
