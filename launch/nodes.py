@@ -1,16 +1,18 @@
 """The suite's nodes as launch actions, shared by the launch files of this folder."""
 from pathlib import Path
 
-from launch.actions import EmitEvent, RegisterEventHandler
+from launch.actions import EmitEvent, IncludeLaunchDescription, OpaqueFunction, RegisterEventHandler
 from launch.conditions import IfCondition
 from launch.events import matches_action
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
 from launch_ros.event_handlers import OnStateTransition
 from launch_ros.events.lifecycle import ChangeState
 from launch_ros.parameter_descriptions import ParameterValue
 from lifecycle_msgs.msg import Transition
 
-__all__ = ['CONFIG', 'lifecycle', 'predictor']
+__all__ = ['CONFIG', 'SYNTHESIZER', 'lifecycle', 'predictor', 'servos', 'synthesizer']
 
 # beside this folder, in the source tree as well as where both are installed
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
@@ -37,3 +39,58 @@ def predictor(model, joint_map, params, joint_states='joint_states', namespace='
         parameters=[params, {'model': ParameterValue(model, value_type=str),
                              'joint_map': ParameterValue(joint_map, value_type=str), **more}],
         remappings=[('joint_states', joint_states)]), autostart)
+
+
+#: arguments of the synthesizer: default, description
+SYNTHESIZER = {
+    'model': ('locomotion.npz', 'model file: absolute, or the name of one in config/models; empty to play a motion '
+                                'file only'),
+    'robot': ('', 'robot file: absolute, or the name of one in config/robots; empty for the joints of the model'),
+    'mode': ('cycle', 'cycle, follow, sequence, random_walk or file'),
+    'style': ('', "style expression, e.g. '1.5*walk - 0.5*run'; empty for the mean of the model"),
+    'speed': ('1.0', '1 as learned'),
+    'seed': ('0', 'of a random walk'),
+    'file': ('', 'motion file to play'),
+    'estimate': ('predictor/estimate', 'topic of the estimates to follow'),
+    'joint_trajectory': ('joint_trajectory', 'topic of the trajectories'),
+    'joint_states': ('joint_states', 'topic of the joint states that the servos report'),
+    'synthesizer_params': (str(CONFIG / 'synthesizer.yaml'), 'parameter file of the synthesizer'),
+    'autostart': ('true', 'configure and activate the nodes'),
+}
+
+
+def synthesizer(**fixed):
+    """The synthesizer node, its parameters from launch arguments; ``fixed`` ones are none."""
+    values = {name: fixed.get(name, LaunchConfiguration(name)) for name in SYNTHESIZER
+              if name in fixed or name not in ('speed', 'seed', 'file')}
+    parameters = {name: ParameterValue(values[name], value_type=str) for name in ('model', 'robot', 'mode', 'style')}
+    if not fixed:
+        parameters.update(speed=ParameterValue(LaunchConfiguration('speed'), value_type=float),
+                          seed=ParameterValue(LaunchConfiguration('seed'), value_type=int),
+                          file=ParameterValue(LaunchConfiguration('file'), value_type=str))
+    return lifecycle(LifecycleNode(
+        package='style_synth', executable='synthesizer', name='synthesizer', namespace='', output='screen',
+        parameters=[values['synthesizer_params'], parameters],
+        remappings=[('estimate', values['estimate']), ('joint_trajectory', values['joint_trajectory'])]),
+        values['autostart'])
+
+
+def servos(joint_states):
+    """The servo bridge where the argument ``servos`` is ``sim`` or ``real``."""
+    def start(context):
+        wanted = LaunchConfiguration('servos').perform(context)
+        if wanted not in ('none', 'sim', 'real'):
+            raise RuntimeError(f'servos must be none, sim or real, not {wanted}')
+        if wanted == 'none':
+            return []
+        robot = LaunchConfiguration('robot').perform(context)
+        chain = LaunchConfiguration('chain').perform(context) or Path(robot).name
+        if not chain:
+            raise RuntimeError('servos need a robot or a chain: give robot:=humanoid20.yaml, for example')
+        return [IncludeLaunchDescription(
+            PythonLaunchDescriptionSource(str(Path(__file__).parent / 'servo.launch.py')),
+            launch_arguments={'sim': 'true' if wanted == 'sim' else 'false', 'chain': chain,
+                              'port': LaunchConfiguration('port').perform(context),
+                              'joint_trajectory': LaunchConfiguration('joint_trajectory').perform(context),
+                              'joint_states': joint_states.perform(context)}.items())]
+    return OpaqueFunction(function=start)

@@ -1,0 +1,51 @@
+"""A robot moves with a person, in another style: player, predictor, synthesizer in follow mode, servo bridge.
+
+ros2 launch launch/mirror.launch.py file:=walk.amc style:='2*person - mean'
+ros2 launch launch/mirror.launch.py file:=my_bag/ robot:=exosuit6.yaml servos:=real port:=/dev/ttyUSB0
+ros2 launch launch/mirror.launch.py file:='' person:=/suit/joint_states       (no player: a live person)
+"""
+import sys
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+sys.path.insert(0, str(Path(__file__).parent))
+from nodes import CONFIG, SYNTHESIZER, predictor, servos, synthesizer
+
+ARGUMENTS = {
+    **{name: entry for name, entry in SYNTHESIZER.items() if name not in ('mode', 'file', 'estimate', 'speed', 'seed')},
+    'file': ('', 'motion file or bag of the person; empty where joint states come from elsewhere'),
+    'skeleton': ('', 'skeleton file where the motion file needs one'),
+    'loop': ('repeat', 'no, repeat or seamless'),
+    'person': ('person/joint_states', "topic of the person's joint states"),
+    'predictor_params': (str(CONFIG / 'predictor.yaml'), 'parameter file of the predictor'),
+    'joint_map': ('', "YAML file from model joints to the person's sensors; empty where they are the same"),
+    'robot': ('humanoid20.yaml', 'robot file: absolute, or the name of one in config/robots'),
+    'servos': ('sim', 'none, sim (simulated Dynamixel chain) or real'),
+    'chain': ('', 'chain file of the servos; empty for the one named as the robot'),
+    'port': ('/dev/ttyUSB0', 'serial device of the Dynamixel adapter, with servos:=real'),
+}
+
+
+def _player(context):
+    given = {name: LaunchConfiguration(name).perform(context) for name in ('file', 'skeleton', 'loop', 'person')}
+    if not given['file']:
+        return []
+    return [Node(package='style_predictor', executable='motion_player', name='motion_player', output='screen',
+                 parameters=[{'file': given['file'], 'skeleton': given['skeleton'], 'loop': given['loop'],
+                              'await_subscribers': 1}],
+                 remappings=[('joint_states', given['person'])])]
+
+
+def generate_launch_description():
+    """All four."""
+    return LaunchDescription([
+        DeclareLaunchArgument(name, default_value=default, description=text)
+        for name, (default, text) in ARGUMENTS.items()
+    ] + predictor(LaunchConfiguration('model'), LaunchConfiguration('joint_map'),
+                  LaunchConfiguration('predictor_params'), LaunchConfiguration('person'))
+        + synthesizer(mode='follow', estimate='predictor/estimate')
+        + [servos(LaunchConfiguration('joint_states')), OpaqueFunction(function=_player)])

@@ -1,0 +1,27 @@
+"""Start the synthesizer, configured and active; with servos:=sim or servos:=real also the servo bridge behind it.
+
+ros2 launch launch/synthesize.launch.py model:=locomotion.npz robot:=humanoid20.yaml servos:=sim
+ros2 launch launch/synthesize.launch.py model:=locomotion_styles.npz mode:=random_walk seed:=3
+ros2 launch launch/synthesize.launch.py model:='' mode:=file file:=walk.amc robot:=exosuit6.yaml servos:=sim
+"""
+import sys
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
+
+sys.path.insert(0, str(Path(__file__).parent))
+from nodes import SYNTHESIZER, servos, synthesizer
+
+ARGUMENTS = {**SYNTHESIZER, 'servos': ('none', 'none, sim (simulated Dynamixel chain) or real'),
+             'chain': ('', 'chain file of the servos; empty for the one named as the robot'),
+             'port': ('/dev/ttyUSB0', 'serial device of the Dynamixel adapter, with servos:=real')}
+
+
+def generate_launch_description():
+    """The synthesizer, and the servos where wanted."""
+    return LaunchDescription([
+        DeclareLaunchArgument(name, default_value=default, description=text)
+        for name, (default, text) in ARGUMENTS.items()
+    ] + synthesizer() + [servos(LaunchConfiguration('joint_states'))])
