@@ -13,7 +13,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 sys.path.insert(0, str(Path(__file__).parent))
-from nodes import CONFIG, SYNTHESIZER, predictor, servos, synthesizer
+from nodes import CONFIG, SERVOS, SYNTHESIZER, predictor, servos, synthesizer
 
 ARGUMENTS = {
     **{name: entry for name, entry in SYNTHESIZER.items() if name not in ('mode', 'file', 'estimate', 'speed', 'seed')},
@@ -24,9 +24,8 @@ ARGUMENTS = {
     'predictor_params': (str(CONFIG / 'predictor.yaml'), 'parameter file of the predictor'),
     'joint_map': ('', "YAML file from model joints to the person's sensors; empty where they are the same"),
     'robot': ('humanoid20.yaml', 'robot file: absolute, or the name of one in config/robots'),
+    **SERVOS,
     'servos': ('sim', 'none, sim (simulated Dynamixel chain) or real'),
-    'chain': ('', 'chain file of the servos; empty for the one named as the robot'),
-    'port': ('/dev/ttyUSB0', 'serial device of the Dynamixel adapter, with servos:=real'),
 }
 
 

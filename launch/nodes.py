@@ -12,7 +12,7 @@ from launch_ros.events.lifecycle import ChangeState
 from launch_ros.parameter_descriptions import ParameterValue
 from lifecycle_msgs.msg import Transition
 
-__all__ = ['CONFIG', 'SYNTHESIZER', 'lifecycle', 'predictor', 'servos', 'synthesizer']
+__all__ = ['CONFIG', 'SERVOS', 'SYNTHESIZER', 'lifecycle', 'predictor', 'servos', 'synthesizer']
 
 # beside this folder, in the source tree as well as where both are installed
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
@@ -59,6 +59,17 @@ SYNTHESIZER = {
 }
 
 
+#: launch arguments of `servos`
+SERVOS = {
+    'servos': ('none', 'none, sim (simulated Dynamixel chain) or real'),
+    'chain': ('', 'chain file of the servos; empty for the one named as the robot'),
+    'port': ('/dev/ttyUSB0', 'serial device of the Dynamixel adapter, with servos:=real'),
+    'bridge_params': (str(CONFIG / 'servo' / 'bridge.yaml'), 'parameter file of the servo bridge'),
+    'record': ('', 'file to write every cycle of the bridge to; empty for none'),
+    'sim_options': ('', 'further options of the simulated chain (see dynamixel_sim --help)'),
+}
+
+
 def synthesizer(**fixed):
     """The synthesizer node, its parameters from launch arguments; ``fixed`` ones are none."""
     values = {name: fixed.get(name, LaunchConfiguration(name)) for name in SYNTHESIZER
@@ -91,6 +102,9 @@ def servos(joint_states):
             PythonLaunchDescriptionSource(str(Path(__file__).parent / 'servo.launch.py')),
             launch_arguments={'sim': 'true' if wanted == 'sim' else 'false', 'chain': chain,
                               'port': LaunchConfiguration('port').perform(context),
+                              'params': LaunchConfiguration('bridge_params').perform(context),
+                              'record': LaunchConfiguration('record').perform(context),
+                              'sim_options': LaunchConfiguration('sim_options').perform(context),
                               'joint_trajectory': LaunchConfiguration('joint_trajectory').perform(context),
                               'joint_states': joint_states.perform(context)}.items())]
     return OpaqueFunction(function=start)

@@ -12,11 +12,9 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 
 sys.path.insert(0, str(Path(__file__).parent))
-from nodes import SYNTHESIZER, servos, synthesizer
+from nodes import SERVOS, SYNTHESIZER, servos, synthesizer
 
-ARGUMENTS = {**SYNTHESIZER, 'servos': ('none', 'none, sim (simulated Dynamixel chain) or real'),
-             'chain': ('', 'chain file of the servos; empty for the one named as the robot'),
-             'port': ('/dev/ttyUSB0', 'serial device of the Dynamixel adapter, with servos:=real')}
+ARGUMENTS = {**SYNTHESIZER, **SERVOS}
 
 
 def generate_launch_description():

@@ -324,7 +324,7 @@ class SynthesizerNode(SoundLifecycleNode):
         window = self.stage.window(self._ahead)
         if window is None:
             return
-        self._outputs.window(self._now(), *window)
+        self._outputs.window(self._clock_was, *window)
         self._published = self._clock_was
         self._tally.time('window', perf_counter() - started)
         self._tally.count('windows')
