@@ -121,8 +121,8 @@ def main():
         counts = violations(record)
         outside, total = wire_violations(rig)
     report = Report('safety', 'Hostile trajectories against the servo bridge',
-                    f'python3 benchmarks/experiments/servo_safety.py --count {arguments.count} --rate {arguments.rate:g} '
-                    f'--minutes {arguments.minutes:g}', seed=arguments.seed)
+                    f'python3 benchmarks/experiments/servo_safety.py --count {arguments.count} '
+                    f'--rate {arguments.rate:g} --minutes {arguments.minutes:g}', seed=arguments.seed)
     middleware = os.environ.get('RMW_IMPLEMENTATION', 'the default middleware')
     report.text(f'{sum(sent.values())} trajectories in {seconds:.0f} s over {middleware}, {rig.chain.name} '
                 f'({len(rig.chain.joints)} joints) on a simulated Dynamixel bus, {arguments.rate:g} commands a second; '
