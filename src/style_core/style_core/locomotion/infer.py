@@ -282,6 +282,12 @@ def fill(model, motion):
     return replace(motion, positions=filled), np.where(hidden, np.sqrt(at_frames[1]), 0.0)
 
 
+def _smoothed(frames):
+    """Binomial average over five frames: positions are discrete, motion is not."""
+    padded = np.concatenate([frames[:1], frames[:1], frames, frames[-1:], frames[-1:]])
+    return sum(w * padded[k:k + len(frames)] for k, w in enumerate(np.array([1, 4, 6, 4, 1]) / 16))
+
+
 def expected_frames(model, x, result):
     """Mean and variance (T, F) of every entry given all observed ones.
 
@@ -300,7 +306,7 @@ def expected_frames(model, x, result):
         occupancy = result.occupancy[c]
         found = departure(model.personal, *residual_sums(x, model.mean[c], occupancy))
         cycle = model.mean[c] + found.mean
-        expected = occupancy @ cycle
+        expected = _smoothed(occupancy @ cycle)
         spread = np.maximum(occupancy @ (cycle**2 + found.variance + model.variance[c]) - expected**2, 0.0)
         kept, share = bridge(x - expected, model.personal.memory)
         mean += result.styles[c] * (expected + kept)
