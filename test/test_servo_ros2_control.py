@@ -124,6 +124,7 @@ def test_refused_and_failed_goals_are_faults(driven):
     controller.error = ''
     rig.spin(0.5)
     assert rig.trigger('reset').success
+    rig.until(lambda: rig.state is not State.FAULT, 40)
     controller.refuse = True
     rig.until(lambda: rig.state is State.FAULT, 40, rig.send_legal)
     assert 'refuses goals' in rig.reason

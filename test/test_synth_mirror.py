@@ -16,8 +16,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
 from style_core.formats import write_motion
-from style_core.synthetic import synthetic_people
 from style_core.synthesis.retargeting import read_robot
+from style_core.synthetic import synthetic_people
 from style_msgs.msg import BridgeState, SynthesisStatus
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

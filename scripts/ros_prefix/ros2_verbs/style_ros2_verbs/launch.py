@@ -63,13 +63,12 @@ def parse_arguments(words):
 
 def launch(path, arguments, args):
     """Show or run the launch file."""
+    from launch import LaunchDescription, LaunchIntrospector, LaunchService
     from launch.actions import IncludeLaunchDescription
     from launch.launch_description_sources import (
         AnyLaunchDescriptionSource,
         get_launch_description_from_any_launch_file,
     )
-
-    from launch import LaunchDescription, LaunchIntrospector, LaunchService
     if args.show or args.show_args:
         description = get_launch_description_from_any_launch_file(path)
         if args.show:
