@@ -7,6 +7,7 @@ ros2 launch launch/mirror.launch.py file:='' person:=/suit/joint_states       (n
 import sys
 from pathlib import Path
 
+import yaml
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
@@ -20,6 +21,8 @@ ARGUMENTS = {
     'file': ('', 'motion file or bag of the person; empty where joint states come from elsewhere'),
     'skeleton': ('', 'skeleton file where the motion file needs one'),
     'loop': ('repeat', 'no, repeat or seamless'),
+    'drop': ('[]', "patterns of the person's joints whose sensors go dark"),
+    'drop_from': ('0.0', 's'), 'drop_until': ('0.0', 's'),
     'person': ('person/joint_states', "topic of the person's joint states"),
     'predictor_params': (str(CONFIG / 'predictor.yaml'), 'parameter file of the predictor'),
     'joint_map': ('', "YAML file from model joints to the person's sensors; empty where they are the same"),
@@ -30,12 +33,15 @@ ARGUMENTS = {
 
 
 def _player(context):
-    given = {name: LaunchConfiguration(name).perform(context) for name in ('file', 'skeleton', 'loop', 'person')}
+    given = {name: LaunchConfiguration(name).perform(context)
+             for name in ('file', 'skeleton', 'loop', 'person', 'drop', 'drop_from', 'drop_until')}
+    drop = yaml.safe_load(given['drop'])
     if not given['file']:
         return []
     return [Node(package='style_predictor', executable='motion_player', name='motion_player', output='screen',
                  parameters=[{'file': given['file'], 'skeleton': given['skeleton'], 'loop': given['loop'],
-                              'await_subscribers': 1}],
+                              'drop_from': float(given['drop_from']), 'drop_until': float(given['drop_until']),
+                              'await_subscribers': 1, **({'drop': drop} if drop else {})}],
                  remappings=[('joint_states', given['person'])])]
 
 

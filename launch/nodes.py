@@ -66,6 +66,7 @@ SERVOS = {
     'port': ('/dev/ttyUSB0', 'serial device of the Dynamixel adapter, with servos:=real'),
     'bridge_params': (str(CONFIG / 'servo' / 'bridge.yaml'), 'parameter file of the servo bridge'),
     'record': ('', 'file to write every cycle of the bridge to; empty for none'),
+    'sim_link': ('', 'where the simulated port appears; empty for a temporary folder'),
     'sim_options': ('', 'further options of the simulated chain (see dynamixel_sim --help)'),
 }
 
@@ -104,6 +105,7 @@ def servos(joint_states):
                               'port': LaunchConfiguration('port').perform(context),
                               'params': LaunchConfiguration('bridge_params').perform(context),
                               'record': LaunchConfiguration('record').perform(context),
+                              'sim_link': LaunchConfiguration('sim_link').perform(context),
                               'sim_options': LaunchConfiguration('sim_options').perform(context),
                               'joint_trajectory': LaunchConfiguration('joint_trajectory').perform(context),
                               'joint_states': joint_states.perform(context)}.items())]

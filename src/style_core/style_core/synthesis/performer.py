@@ -9,10 +9,16 @@ __all__ = ['Performer', 'window_times']
 _POWERS = np.arange(6)
 _INSTANT = 1e-4
 
+#: what counts as now where a time must be positive, s
+NOW = 1e-4
+
 
 def window_times(step, horizon):
-    """Times ahead of the points of a window, shape (K,): every ``step`` up to ``horizon``, s."""
-    return step * np.arange(1, max(1, int(np.floor(horizon / step + 1e-9))) + 1)
+    """Times ahead of the points of a window, shape (K,), s: practically now, then every ``step`` up to ``horizon``.
+
+    The first point is over when the window arrives, so that a receiver need not invent the way to it.
+    """
+    return np.concatenate([[NOW], step * np.arange(1, max(1, int(np.floor(horizon / step + 1e-9))) + 1)])
 
 
 class Performer:
