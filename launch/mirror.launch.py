@@ -21,6 +21,7 @@ ARGUMENTS = {
     'file': ('', 'motion file or bag of the person; empty where joint states come from elsewhere'),
     'skeleton': ('', 'skeleton file where the motion file needs one'),
     'loop': ('repeat', 'no, repeat or seamless'),
+    'player_speed': ('1.0', 'how fast the person is played; servos of 4.5 rad/s cannot follow a brisk walk'),
     'drop': ('[]', "patterns of the person's joints whose sensors go dark"),
     'drop_from': ('0.0', 's'), 'drop_until': ('0.0', 's'),
     'person': ('person/joint_states', "topic of the person's joint states"),
@@ -34,13 +35,14 @@ ARGUMENTS = {
 
 def _player(context):
     given = {name: LaunchConfiguration(name).perform(context)
-             for name in ('file', 'skeleton', 'loop', 'person', 'drop', 'drop_from', 'drop_until')}
+             for name in ('file', 'skeleton', 'loop', 'person', 'drop', 'drop_from', 'drop_until', 'player_speed')}
     drop = yaml.safe_load(given['drop'])
     if not given['file']:
         return []
     return [Node(package='style_predictor', executable='motion_player', name='motion_player', output='screen',
                  parameters=[{'file': given['file'], 'skeleton': given['skeleton'], 'loop': given['loop'],
                               'drop_from': float(given['drop_from']), 'drop_until': float(given['drop_until']),
+                              'speed': float(given['player_speed']),
                               'await_subscribers': 1, **({'drop': drop} if drop else {})}],
                  remappings=[('joint_states', given['person'])])]
 

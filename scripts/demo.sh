@@ -4,4 +4,6 @@
 "$ROOT/scripts/setup.sh"
 source_workspace
 cd "$ROOT"
-exec python3 scripts/demo.py "$@"
+python3 scripts/demo.py "$@"
+# without arguments the second part follows: a robot walks with the person (scripts/demo_synth.py --help)
+[ $# != 0 ] || exec python3 scripts/demo_synth.py

@@ -93,6 +93,12 @@ class Show:
                            transition_time=0.5)
         self.note(f'style {name}' if answer.success else f'style {name} refused: {answer.message}')
 
+    def lose_sensor(self, joint):
+        """The predictor gets nothing from a joint of the person any more."""
+        from style_msgs.srv import SetMask
+        answer = self.call(SetMask, '/predictor/set_mask', joints=[joint], masked=True)
+        self.note(f'sensor of {joint} lost' if answer.success else f'no sensor lost: {answer.message}')
+
     def press(self, button):
         """Call ~/estop or ~/reset of the bridge."""
         answer = self.call(self._types[2], f'/servo_bridge/{button}')
@@ -116,7 +122,10 @@ def perform(show, link):
     show.spin(1.5)
     for k in range(3):
         show.style(names[(k + 1) * (len(names) - 1) // 3])
-        show.spin(1.4)
+        show.spin(1.0)
+        if k == 1:
+            show.lose_sensor('ltibia.rx')
+        show.spin(0.4)
     show.note('servo of the right knee overloaded')
     subprocess.run([sys.executable, '-m', 'style_servo.dynamixel_sim', '--link', link, '--tell',
                     f'{{"do": "fail", "id": {KNEE_ID}, "kind": "overload"}}'], check=True, capture_output=True)
@@ -195,8 +204,9 @@ def main():
     with open(output / 'nodes.log', 'w') as log:
         nodes = subprocess.Popen(
             ['ros2', 'launch', str(ROOT / 'launch' / 'mirror.launch.py'), f'model:={show.model}', f'file:={show.file}',
-             "drop:=['ltibia.rx']", 'drop_from:=6.0', f'bridge_params:={output / "bridge.yaml"}', f'record:={flight}',
-             f'sim_link:={link}'], stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
+             f'bridge_params:={output / "bridge.yaml"}', f'record:={flight}',
+             f'sim_link:={link}',
+             'player_speed:=0.5', 'loop:=seamless'], stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
     operator = Show(output)
     try:
         walked = perform(operator, link)
