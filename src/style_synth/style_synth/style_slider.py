@@ -8,6 +8,7 @@
   q               leave
 """
 import argparse
+import os
 import select
 import sys
 import termios
@@ -19,7 +20,7 @@ import rclpy
 from style_msgs.msg import StyleVector
 from style_msgs.srv import ListStyles, SetStyle
 
-__all__ = ['Mixer', 'main']
+__all__ = ['Mixer', 'main', 'read_key']
 
 STEP = 0.1
 
@@ -68,14 +69,18 @@ class Mixer:
         return rows
 
 
-def _key(stream):
-    """The next key, or '' after a while."""
-    if not select.select([stream], [], [], 0.1)[0]:
+def read_key(terminal):
+    """The next key of a terminal (file descriptor), or '' after a tenth of a second.
+
+    Bytes are taken from the descriptor itself: a buffered stream would swallow the rest of an arrow key's sequence,
+    and waiting for more would wait in vain.
+    """
+    if not select.select([terminal], [], [], 0.1)[0]:
         return ''
-    char = stream.read(1)
-    if char == '\x1b' and select.select([stream], [], [], 0.02)[0]:
-        return {'[A': 'up', '[B': 'down', '[C': 'right', '[D': 'left'}.get(stream.read(2), '')
-    return char
+    char = os.read(terminal, 1)
+    if char == b'\x1b' and select.select([terminal], [], [], 0.02)[0]:
+        return {b'[A': 'up', b'[B': 'down', b'[C': 'right', b'[D': 'left'}.get(os.read(terminal, 2), '')
+    return char.decode(errors='ignore')
 
 
 def _call(node, kind, service, request, seconds=5.0):
@@ -89,7 +94,7 @@ def _call(node, kind, service, request, seconds=5.0):
     return future.result()
 
 
-def _slide(node, name, seconds, stream):
+def _slide(node, name, seconds, terminal):
     listed = _call(node, ListStyles, f'{name}/list_styles', ListStyles.Request())
     if not listed.styles:
         raise RuntimeError('what is being performed has no styles')
@@ -105,7 +110,7 @@ def _slide(node, name, seconds, stream):
             sys.stdout.write((f'\x1b[{drawn}A' if drawn else '') + ''.join(f'\x1b[2K{line}\r\n' for line in lines))
             sys.stdout.flush()
             drawn = len(lines)
-        key = _key(stream)
+        key = read_key(terminal)
 
 
 def main(args=None):
@@ -121,7 +126,7 @@ def main(args=None):
     before = termios.tcgetattr(sys.stdin)
     try:
         tty.setcbreak(sys.stdin)
-        _slide(node, options.node, options.seconds, sys.stdin)
+        _slide(node, options.node, options.seconds, sys.stdin.fileno())
     except KeyboardInterrupt:
         pass
     except RuntimeError as error:
