@@ -75,7 +75,7 @@ class Controller:
 @pytest.fixture(params=['topic', 'action'])
 def driven(tmp_path, request):
     rig = ServoRig(str(tmp_path), chain=CHAIN, simulate=False, backend='ros2_control', interface=request.param,
-                   rate=100.0, state_timeout=0.5, following_time=1.0)
+                   rate=100.0, state_timeout=2.0, following_time=2.0)
     controller = Controller(rig, request.param == 'action')
     yield rig, controller
     controller.close()
