@@ -16,7 +16,8 @@ def kernels():
     return [
         Extension('.'.join(path.relative_to(HERE).with_suffix('').parts), [str(path.relative_to(HERE))],
                   # contraction off: the same bits on machines with and without fused multiply-add
-                  extra_compile_args=['-O3', '-g0', '-ffp-contract=off', '-Wno-unused-function'])
+                  extra_compile_args=['-O3', '-g0', '-ffp-contract=off', '-Wno-unused-function',
+                                      '-Wno-maybe-uninitialized'])
         for path in sources]
 
 
