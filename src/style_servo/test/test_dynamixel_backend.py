@@ -33,7 +33,7 @@ def patient(simulator, **settings):
 @pytest.fixture
 def connected(simulate):
     simulator = simulate('--servos', f'1-4:{MODEL}')
-    backend = backend_for(simulator, joints(4))
+    backend = backend_for(simulator, joints(4), watchdog=1.0)
     backend.connect()
     yield backend, simulator
     backend.close()
@@ -208,7 +208,7 @@ def test_a_late_bridge_finds_its_servos_stopped(connected):
     backend, simulator = connected
     backend.enable()
     run(backend, np.full(4, 1.0), 0.1)
-    time.sleep(0.25)
+    time.sleep(1.25)    # longer than the watchdog of this fixture
     assert all(servo['halted'] for servo in simulator.tell('state')['servos'])
     fails(backend, 'Bus Watchdog stopped it')
 
