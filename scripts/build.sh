@@ -12,4 +12,10 @@ made_on="$(cat build/.made_on 2>/dev/null || true)"
 mkdir -p build
 printf '%s' "$ros" > build/.made_on
 
+# nothing to do while no source file is newer than the last whole build
+if [ $# = 0 ] && [ -e build/.complete ] && [ -e install/setup.bash ] &&
+        [ -z "$(find src launch config -type f -newer build/.complete -not -name '*.pyc' -print -quit)" ]; then
+    exit 0
+fi
 colcon build --symlink-install --event-handlers console_cohesion- "$@"
+[ $# != 0 ] || touch build/.complete
