@@ -41,6 +41,24 @@ class SoundLifecycleNode(LifecycleNode):
                 return response
         self._service_change_state.callback = answer
 
+    @transition
+    def on_cleanup(self, state):
+        """Give back everything that configuring made; a node says how in ``_tear_down``."""
+        self._tear_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    @transition
+    def on_shutdown(self, state):
+        """The same on the way out."""
+        self._tear_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    @transition
+    def on_error(self, state):
+        """The same after an unforeseen error, so that the node can be configured again."""
+        self._tear_down()
+        return TransitionCallbackReturn.SUCCESS
+
     @property
     def state(self):
         """Label of the current state."""

@@ -97,24 +97,6 @@ class PredictorNode(SoundLifecycleNode):
         self._active = False
         return super().on_deactivate(state)
 
-    @transition
-    def on_cleanup(self, state):
-        """Give back everything that configuring made."""
-        self._tear_down()
-        return TransitionCallbackReturn.SUCCESS
-
-    @transition
-    def on_shutdown(self, state):
-        """The same on the way out."""
-        self._tear_down()
-        return TransitionCallbackReturn.SUCCESS
-
-    @transition
-    def on_error(self, state):
-        """After an unforeseen error: give everything back, so that the node can be configured again."""
-        self._tear_down()
-        return TransitionCallbackReturn.SUCCESS
-
     def _tear_down(self):
         self._active = False
         if self._stream is None:

@@ -150,24 +150,6 @@ class BridgeNode(SoundLifecycleNode):
         self._publish_state()
         return super().on_deactivate(state)
 
-    @transition
-    def on_cleanup(self, state):
-        """Let go of the motors and give back everything that configuring made."""
-        self._tear_down()
-        return TransitionCallbackReturn.SUCCESS
-
-    @transition
-    def on_shutdown(self, state):
-        """The same on the way out."""
-        self._tear_down()
-        return TransitionCallbackReturn.SUCCESS
-
-    @transition
-    def on_error(self, state):
-        """After an unforeseen error: motors off, everything given back, so that the node can be configured again."""
-        self._tear_down()
-        return TransitionCallbackReturn.SUCCESS
-
     def _disarm(self):
         if self._active:
             self._active = False
