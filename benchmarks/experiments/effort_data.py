@@ -7,7 +7,7 @@ import numpy as np
 
 from style_core import datasets
 from style_core.contacts import foot_contacts
-from style_core.effort import EFFORTS
+from style_core.effort import EFFORTS, joint_scale
 from style_core.motion import Motion
 from style_core.skeleton import read_skeleton
 
@@ -97,10 +97,5 @@ def balanced(fragments, each=12, seed=0, per_trial=2):
 
 
 def scale_of(fragments):
-    """Metres a radian of each joint moves the body, averaged over the angles of a ball joint; shape (D,)."""
-    from style_core.style_machine.preprocessing import pose_weights
-    motions = [f.motion for f in fragments if f.subject != '13']
-    names = [name for name in motions[0].joint_names if not name.startswith('root.')]
-    weights = pose_weights([motion.joints(names) for motion in motions], skeleton_of(fragments[0].subject))
-    joints = [name.rpartition('.')[0] for name in names]
-    return np.array([np.mean([w for w, other in zip(weights, joints) if other == joint]) for joint in joints])
+    """Weights of the joints, shape (D,), see `joint_scale`."""
+    return joint_scale([f.motion for f in fragments if f.subject != '13'], skeleton_of(fragments[0].subject))

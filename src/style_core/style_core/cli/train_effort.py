@@ -13,17 +13,17 @@ Which fragments show the same action is found by dynamic time warping, unless th
 import csv
 from pathlib import Path
 
-import numpy as np
 from tqdm import tqdm
 
 from style_core.angles import continuous
-from style_core.effort import save, train_library
+from style_core.effort import joint_scale, save, train_library
 from style_core.effort.descriptors import EFFORTS
 from style_core.effort.labels import read_labels
 from style_core.effort.regression import METHODS
 from style_core.errors import MotionError, UsageError
 from style_core.formats import read_motion
 from style_core.model_file import training_files
+from style_core.skeleton import read_skeleton
 
 __all__ = ['add_arguments', 'run']
 
@@ -66,7 +66,7 @@ def run(args):
     contents = [content for *_, content in rows]
     if any(contents) and not all(contents):
         raise UsageError(f'{args.fragments}: the column content is empty for fragment {rows[contents.index("")][0]!r}')
-    scale = _scale(motions, args.skeleton) if args.skeleton else None
+    scale = joint_scale(motions, read_skeleton(args.skeleton)) if args.skeleton else None
     labels = read_labels(args.labels, args.labeller) if args.labels else None
     library = train_library(
         motions, groups=contents if all(contents) else None, scale=scale, labels=labels, blends=args.interpolations,
@@ -100,13 +100,3 @@ def _table(path):
     if not rows:
         raise MotionError(f'{path} has no rows')
     return rows
-
-
-def _scale(motions, skeleton):
-    from style_core.skeleton import read_skeleton
-    from style_core.style_machine.preprocessing import pose_weights
-    names = [name for name in motions[0].joint_names if not name.startswith('root.')]
-    weights = pose_weights([motion.joints(names) for motion in motions], read_skeleton(skeleton))
-    joints = [name.rpartition('.')[0] or name for name in names]
-    # the angles of a ball joint share a weight: its exponential map has other axes than its Euler angles
-    return np.array([np.mean([w for w, other in zip(weights, joints) if other == joint]) for joint in joints])

@@ -8,11 +8,32 @@ from scipy.spatial.distance import squareform
 from style_core.effort.interpolation import sample_frames
 from style_core.effort.warping import warp
 from style_core.errors import MotionError
+from style_core.style_machine.preprocessing import pose_weights
 
-__all__ = ['content_distances', 'content_threshold', 'content_groups', 'ContentSpace', 'content_space']
+__all__ = ['joint_scale', 'content_distances', 'content_threshold', 'content_groups', 'ContentSpace', 'content_space']
 
 #: frames to which every fragment is stretched before principal components are taken
 _SET_LENGTH = 40
+
+
+def joint_scale(motions, skeleton):
+    """How far each joint moves the body: the weights of joints in distances and descriptors.
+
+    Parameters
+    ----------
+    motions : sequence of Motion
+        With the same joints; the root is left out.
+    skeleton : Skeleton
+
+    Returns
+    -------
+    ndarray, shape (D,)
+        m/rad. The angles of a ball joint share their mean: its exponential map has other axes than its Euler angles.
+    """
+    names = [name for name in motions[0].joint_names if not name.startswith('root.')]
+    weights = pose_weights([motion.joints(names) for motion in motions], skeleton)
+    joints = [name.rpartition('.')[0] or name for name in names]
+    return np.array([np.mean([w for w, other in zip(weights, joints) if other == joint]) for joint in joints])
 
 
 def content_distances(sequences, progress=lambda items: items):
