@@ -8,6 +8,8 @@ from libc.stdlib cimport free, malloc
 
 # exp(-46) < 2**-66: what lies further below the largest term of a sum cannot change the sum in double precision
 cdef double NEGLIGIBLE = -46.0
+# what paths through a cell of less posterior than exp(-80) add to the posterior of any cell before it is less still
+cdef double UNREACHED = -80.0
 
 
 def cyclic_chain(const double[:, ::1] diagonal, const double[::1] coupling, const double[:, ::1] potential,
@@ -168,15 +170,19 @@ def forward_backward(const double[:, ::1] emission, const double[::1] log_jump,
                         for j in range(J):
                             terms[j] = ahead[m + 1 + j] + log_jump[j]
                         d = log_sum(terms, J)
-                        if occupancy[i, m] + d - total > -80.0:
-                            for j in range(J):
-                                counts[j] += exp(occupancy[i, m] + terms[j] - total)
                     # the row of ahead is read m + 1 onwards only, so that entry m may be replaced, but entry 0 .. J
                     # are read again through the padding, which was copied above
                     past[m] = d
                     d = occupancy[i, m] + d - total
-                    occupancy[i, m] = exp(d) if d > -740.0 else 0.0
-                    row += occupancy[i, m]
+                    if d > UNREACHED:
+                        if i < T - 1:
+                            for j in range(J):
+                                counts[j] += exp(occupancy[i, m] + terms[j] - total)
+                        occupancy[i, m] = exp(d)
+                        row += occupancy[i, m]
+                    else:
+                        past[m] = -INFINITY
+                        occupancy[i, m] = 0.0
                 for m in range(M):
                     ahead[m] = past[m] + emission[i, m]
                     occupancy[i, m] /= row
