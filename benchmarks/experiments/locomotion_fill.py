@@ -18,7 +18,7 @@ from style_core.datasets import trial_path
 from style_core.evaluation import random_bursts
 from style_core.locomotion.infer import fill
 from style_core.locomotion.learn import learn
-from style_core.locomotion.online import LocomotionPredictor, fill_causally
+from style_core.locomotion.online import fill_causally
 from style_core.phase_style.smoother import fill as fill_phase_style
 from style_core.phase_style.training import train
 from style_core.pictures import Line, joint_curves
@@ -102,7 +102,7 @@ def fills(model, behaviour, training, shown):
     columns = [shown.joint_names.index(name) for name in joints]
     smoothed[:, columns] = fill_phase_style([behaviour], shown.joints(joints))[0].positions
     return {METHODS[0]: filled.positions, METHODS[1]: fill(without_departures(model), shown)[0].positions,
-            METHODS[2]: fill_causally(LocomotionPredictor(model), shown)[0].positions, METHODS[3]: smoothed,
+            METHODS[2]: fill_causally(model, shown)[0].positions, METHODS[3]: smoothed,
             METHODS[4]: nearest_neighbour(training, shown), METHODS[5]: own_cycle(shown)}, std
 
 

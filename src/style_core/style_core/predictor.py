@@ -25,7 +25,7 @@ class Estimate:
     time : float
         Stamp of the update, s.
     phase : float
-        Rad in [0, 2 pi) for rhythmic behaviour, [0, 1] for discrete.
+        Rad in [0, 2 pi) for rhythmic behaviour, [0, 1] for discrete; with its velocity NaN where the model has none.
     phase_velocity : float
         Rad/s, or 1/s for discrete behaviour.
     phase_covariance : ndarray, shape (2, 2)

@@ -108,7 +108,7 @@ def test_filled_values_come_close_and_others_stay(learned):
     assert np.sqrt(np.mean(error**2)) < 0.03
     assert np.mean(np.abs(error) < 3 * std[hidden]) > 0.9
     assert np.abs(np.diff(filled.positions[:, 1])).max() < 1.3 * np.abs(np.diff(whole.positions[:, 1])).max()
-    causal, _ = fill_causally(LocomotionPredictor(learned), whole.replace(positions=shown))
+    causal, _ = fill_causally(learned, whole.replace(positions=shown))
     assert np.sqrt(np.mean((causal.positions - whole.positions)[hidden]**2)) < 0.06
 
 
@@ -118,8 +118,8 @@ def test_causal_filling_never_looks_ahead(learned):
     shown[30:90, 2] = np.nan
     changed = shown.copy()
     changed[70:] += 0.5
-    first, _ = fill_causally(LocomotionPredictor(learned), whole.replace(positions=shown))
-    second, _ = fill_causally(LocomotionPredictor(learned), whole.replace(positions=changed))
+    first, _ = fill_causally(learned, whole.replace(positions=shown))
+    second, _ = fill_causally(learned, whole.replace(positions=changed))
     np.testing.assert_array_equal(first.positions[:70], second.positions[:70])
 
 

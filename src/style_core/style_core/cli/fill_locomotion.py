@@ -14,7 +14,7 @@ from style_core.errors import MotionError, UsageError
 from style_core.formats import read_motion, write_motion
 from style_core.locomotion.infer import fill
 from style_core.locomotion.model import load
-from style_core.locomotion.online import LocomotionPredictor, fill_causally
+from style_core.locomotion.online import fill_causally
 from style_core.motion import matching_names
 
 __all__ = ['add_arguments', 'run']
@@ -56,7 +56,7 @@ def run(args):
         names = matching_names(model.joint_names, args.hide)
         hidden[np.ix_(frames, [model.joint_names.index(name) for name in names])] = True
     shown = whole.replace(positions=np.where(hidden, np.nan, whole.positions))
-    filled, std = fill_causally(LocomotionPredictor(model), shown) if args.causal else fill(model, shown)
+    filled, std = fill_causally(model, shown) if args.causal else fill(model, shown)
     missing = np.isnan(shown.positions)
     print(f'filled {int(missing.sum())} of {missing.size} values in {int(missing.any(axis=1).sum())} frames and '
           f'{int(missing.any(axis=0).sum())} joints')

@@ -8,7 +8,7 @@ motion-style fill MODEL.npz walk.amc -o whole.csv --mask 'rfemur.*' 'rtibia.*' '
 import numpy as np
 from tqdm import tqdm
 
-from style_core.cli.phase_style_arguments import add_reading, hide, read
+from style_core.cli.predictor_arguments import add_reading, hide, read
 from style_core.formats import write_motion
 from style_core.motion import Motion
 from style_core.phase_style import load_behaviours

@@ -32,6 +32,9 @@ TRAINERS = {
                    'style_core.cli.train_locomotion'),
 }
 
+#: kinds that hold an on-line predictor (`style_core.predictors`)
+_PREDICTING = ('phase-style', 'locomotion', 'style-machine')
+
 #: Commands that work on a model file: command -> {kind: module path}. A command without a kind is not offered.
 #: `by_kind` adds the argument MODEL (``args.model``); the kind's module adds the rest and runs. For ``info`` the
 #: module has ``describe(header, arrays)`` instead, which returns a dict to show below the header (numbers, words,
@@ -39,9 +42,8 @@ TRAINERS = {
 KIND_COMMANDS = {
     'info': {'phase-style': 'style_core.cli.info_phase_style', 'effort': 'style_core.cli.info_effort',
              'style-machine': 'style_core.cli.info_style_machine', 'locomotion': 'style_core.cli.info_locomotion'},
-    'predict': {'phase-style': 'style_core.cli.predict_phase_style'},
-    'evaluate': {'phase-style': 'style_core.cli.evaluate_phase_style',
-                 'style-machine': 'style_core.cli.evaluate_phase_style'},
+    'predict': dict.fromkeys(_PREDICTING, 'style_core.cli.predict'),
+    'evaluate': dict.fromkeys(_PREDICTING, 'style_core.cli.evaluate'),
     'synthesize': {'style-machine': 'style_core.cli.synthesize_style_machine',
                    'locomotion': 'style_core.cli.synthesize_locomotion'},
     'analyze': {'style-machine': 'style_core.cli.analyze_style_machine',

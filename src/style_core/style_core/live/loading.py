@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Mapping
 
 from style_core.live.stream import warm_up
-from style_core.phase_style import KIND, load_behaviours, make_predictor
 from style_core.predictor import OnlinePredictor
+from style_core.predictors import read_predictor
 
 __all__ = ['LiveModel', 'load_live']
 
@@ -41,23 +41,23 @@ class LiveModel:
 
 
 def load_live(path, method, horizons):
-    """Load a phase-style model and warm it up.
+    """Load a model that predicts and warm it up.
 
     Parameters
     ----------
     path : path-like
     method : str
-        See `style_core.phase_style.make_predictor`.
+        See `style_core.predictors.read_predictor`.
     horizons : ndarray, shape (H,)
         What will be predicted, s.
 
     Raises
     ------
     ModelError
-        If the file is not a readable phase-style model.
+        If the file is not a readable model of a kind that predicts.
+    UsageError
+        If its kind has no such method.
     """
-    behaviours = load_behaviours(path)
-    predictor = make_predictor(behaviours, method)
-    warm_up(predictor, horizons)
-    return LiveModel(Path(path).stem, KIND, method, predictor, {one.name: one.rhythmic for one in behaviours},
-                     behaviours[0].rate_hz)
+    found = read_predictor(path, method)
+    warm_up(found.predictor, horizons)
+    return LiveModel(Path(path).stem, found.kind, method, found.predictor, found.rhythmic, found.rate_hz)

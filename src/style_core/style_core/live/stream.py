@@ -246,7 +246,7 @@ class PredictorStream:
         pose[self.joint_map.channels[joints]] = self.joint_map.to_model(frame.values[joints], joints)
         try:
             estimate = self.predictor.update((frame.stamp - self._epoch) * 1e-9, pose, ~np.isnan(pose))
-            sound = np.isfinite(estimate.mean).all() and np.isfinite(estimate.phase)
+            sound = np.isfinite(estimate.mean).all() and np.isfinite(estimate.std).all()
         except (ArithmeticError, np.linalg.LinAlgError):
             sound = False
         self.tally.time('update', perf_counter() - started)

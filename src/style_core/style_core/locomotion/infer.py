@@ -249,6 +249,18 @@ def aligned_cycles(model, motion, n_samples=None, analysis: Optional[Analysis] =
     return positions.reshape(n_cycles, n_samples, len(model.joint_names)), times.reshape(n_cycles, n_samples)
 
 
+def fillable(model, motion):
+    """Give the model's joints of a motion, if nothing that does not repeat (place and heading) is missing."""
+    motion = motion.joints(model.joint_names)
+    lacking = np.isnan(motion.positions).any(axis=0) & ~model.features.plain
+    if lacking.any():
+        names = [name for name, lacks in zip(model.joint_names, lacking) if lacks]
+        raise MotionError(
+            f'motion {motion.name!r}: {", ".join(names)} cannot be filled, place and heading do not repeat'
+        )
+    return motion
+
+
 def fill(model, motion):
     """Fill the missing values of a recording from all it shows, before and after (eq. 18 as a posterior mean).
 
@@ -265,15 +277,8 @@ def fill(model, motion):
     std : ndarray, shape (T, D)
         Standard deviation of the filled values, 0 where observed.
     """
-    motion = motion.joints(model.joint_names)
+    motion = fillable(model, motion)
     hidden = np.isnan(motion.positions)
-    if hidden[:, ~model.features.plain].any():
-        names = [
-            n for n, plain, h in zip(model.joint_names, model.features.plain, hidden.any(axis=0)) if h and not plain
-        ]
-        raise MotionError(
-            f'motion {motion.name!r}: {", ".join(names)} cannot be filled, place and heading do not repeat'
-        )
     times, x = model_frames(model, motion)
     mean, variance = expected_frames(model, x, smooth(model, x))
     at_frames = [np.stack([np.interp(motion.times, times, column) for column in table.T], axis=1)

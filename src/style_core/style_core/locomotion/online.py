@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 
 from style_core.errors import ModelError
+from style_core.locomotion.infer import fillable
 from style_core.locomotion.personal import Personal, departure
 from style_core.locomotion.synthesis import prototypes
 from style_core.predictor import Estimate, Prediction, Status
@@ -39,17 +40,29 @@ class LocomotionPredictor:
     Parameters
     ----------
     model : LocomotionModel
-        Root channels other than height are left out: the predictor serves joints.
+    joint_names : sequence of str, optional
+        Channels to follow, of those a cycle repeats (`FeatureMap.plain`); default: all joint angles, without the root.
+
+    Raises
+    ------
+    ModelError
+        If there is none, or one that does not repeat.
 
     Notes
     -----
     `Estimate.style` holds the probabilities of the C styles; ``behaviours`` the same by name.
     """
 
-    def __init__(self, model):
-        columns = np.flatnonzero(model.features.plain)
-        if not columns.size:
-            raise ModelError('the model has no joint besides the root')
+    def __init__(self, model, joint_names=None):
+        plain = model.features.plain
+        if joint_names is None:
+            joint_names = [name for name, repeats, unit in zip(model.joint_names, plain, model.features.units)
+                           if repeats and unit == 'rad']
+        repeating = {name: column for column, name in enumerate(model.joint_names) if plain[column]}
+        wrong = [name for name in joint_names if name not in repeating]
+        if wrong or not joint_names:
+            raise ModelError(f'the cycles of the model do not hold {", ".join(wrong) or "any joint angle"}')
+        columns = np.array([repeating[name] for name in joint_names])
         self.joint_names = tuple(model.joint_names[i] for i in columns)
         self.style_names = model.style_names
         n_positions = model.n_positions
@@ -279,25 +292,26 @@ class LocomotionPredictor:
             self._status(), dict(zip(self.style_names, map(float, styles))))
 
 
-def fill_causally(predictor, motion):
+def fill_causally(model, motion):
     """Fill missing values of a recording frame by frame, each from the past alone.
 
     Parameters
     ----------
-    predictor : LocomotionPredictor
-        Reset first.
+    model : LocomotionModel
     motion : Motion
-        With the predictor's joints; other channels stay as they are.
+        With the model's joints. Root travel is not filled, as in `style_core.locomotion.infer.fill`.
 
     Returns
     -------
     filled : Motion
+        The same frames and joints, no value changed that was there.
     std : ndarray, shape (T, D)
-        0 where observed.
+        Standard deviation of the filled values, 0 where observed.
     """
-    columns = [motion.joint_names.index(name) for name in motion.joints(predictor.joint_names).joint_names]
+    motion = fillable(model, motion)
+    columns = np.flatnonzero(model.features.plain)
+    predictor = LocomotionPredictor(model, [model.joint_names[i] for i in columns])
     positions, std = motion.positions.copy(), np.zeros(motion.positions.shape)
-    predictor.reset()
     for i, (time, y) in enumerate(zip(motion.times, motion.positions[:, columns])):
         found = predictor.update(time, y)
         missing = np.isnan(y)

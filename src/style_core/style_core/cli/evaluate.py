@@ -14,7 +14,7 @@ import json
 import numpy as np
 from tqdm import tqdm
 
-from style_core.cli.phase_style_arguments import add_method, add_reading, hide, predictor_of, read
+from style_core.cli.predictor_arguments import add_method, add_reading, hide, predictor_of, read
 from style_core.errors import UsageError
 from style_core.evaluation import FRAMES_AHEAD, RATE_HZ, paper_horizons, roll_out, summary
 

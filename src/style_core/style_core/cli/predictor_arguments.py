@@ -1,14 +1,12 @@
-"""What the commands on phase-style models share: reading recordings, masks and the method."""
+"""What the commands that predict share: reading recordings, masks and the method."""
 import numpy as np
 
-from style_core import style_machine
 from style_core.angles import continuous
 from style_core.errors import MotionError, UsageError
 from style_core.formats import read_motion
-from style_core.model_file import read_header
 from style_core.motion import matching_names
-from style_core.phase_style import METHODS, load_behaviours, make_predictor
-from style_core.style_machine.online import StyleMachinePredictor
+from style_core.phase_style import METHODS
+from style_core.predictors import read_predictor
 
 __all__ = ['add_reading', 'add_method', 'read', 'predictor_of', 'hide']
 
@@ -24,7 +22,8 @@ def add_reading(parser):
 def add_method(parser):
     """Method and behaviours left out."""
     parser.add_argument('--method', choices=METHODS, default=METHODS[0],
-                        help='full: the full filter (default); paper: the published method, first behaviour only')
+                        help='of a phase-style model: full, the full filter (default); paper, the published method '
+                             'with the first behaviour only')
 
 
 def read(path, args):
@@ -34,12 +33,8 @@ def read(path, args):
 
 
 def predictor_of(args):
-    """Predictor of the model and method that were asked for; a style machine has one method."""
-    if read_header(args.model)['kind'] == style_machine.KIND:
-        if args.method != METHODS[0]:
-            raise UsageError(f'--method {args.method} is for phase-style models')
-        return StyleMachinePredictor(style_machine.load(args.model))
-    return make_predictor(load_behaviours(args.model), args.method)
+    """Predictor of the model and method that were asked for."""
+    return read_predictor(args.model, args.method).predictor
 
 
 def hide(motion, names, patterns):

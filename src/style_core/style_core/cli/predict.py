@@ -13,7 +13,7 @@ of every value is written beside it with --std FILE.csv.
 import numpy as np
 from tqdm import tqdm
 
-from style_core.cli.phase_style_arguments import add_method, add_reading, hide, predictor_of, read
+from style_core.cli.predictor_arguments import add_method, add_reading, hide, predictor_of, read
 from style_core.errors import UsageError
 from style_core.formats import write_motion
 from style_core.motion import Motion
@@ -62,9 +62,10 @@ def run(args):
     write_motion(Motion(predictor.joint_names, mean, times, name=motion.name), args.output)
     if args.std:
         write_motion(Motion(predictor.joint_names, std, times, name=motion.name), args.std)
-    behaviour = max(estimate.behaviours, key=estimate.behaviours.get)
-    print(f'{motion.name}: {behaviour}, phase {estimate.phase:.2f}, phase velocity {estimate.phase_velocity:.2f} /s, '
-          f'{estimate.status.name}; standard deviation {np.degrees(std[0]).mean():.1f} deg at '
-          f'{times[0] - motion.times[-1]:.3f} s, {np.degrees(std[-1]).mean():.1f} deg at '
-          f'{times[-1] - motion.times[-1]:.3f} s')
+    likely = max(estimate.behaviours, key=estimate.behaviours.get)
+    phase = '' if np.isnan(estimate.phase) else \
+        f'phase {estimate.phase:.2f}, phase velocity {estimate.phase_velocity:.2f} /s, '
+    print(f'{motion.name}: {likely}, {phase}{estimate.status.name}; standard deviation '
+          f'{np.degrees(std[0]).mean():.1f} deg at {times[0] - motion.times[-1]:.3f} s, '
+          f'{np.degrees(std[-1]).mean():.1f} deg at {times[-1] - motion.times[-1]:.3f} s')
     print(f'wrote {args.output}')

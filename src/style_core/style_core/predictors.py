@@ -1,0 +1,83 @@
+"""On-line predictors from model files of every kind that holds one."""
+from dataclasses import dataclass
+from typing import Mapping
+
+from style_core import phase_style
+from style_core.errors import ModelError, UsageError
+from style_core.model_file import read_header
+from style_core.predictor import OnlinePredictor
+
+__all__ = ['FilePredictor', 'read_predictor']
+
+
+@dataclass(frozen=True, eq=False)
+class FilePredictor:
+    """A predictor and what its model file says of it.
+
+    Attributes
+    ----------
+    kind : str
+        Of the model.
+    predictor : OnlinePredictor
+    rhythmic : mapping of str to bool
+        Of every behaviour or style: does it repeat, or go from a start to a goal.
+    rate_hz : float
+        Of the training recordings.
+    """
+
+    kind: str
+    predictor: OnlinePredictor
+    rhythmic: Mapping[str, bool]
+    rate_hz: float
+
+
+def read_predictor(path, method=phase_style.METHODS[0]):
+    """Read a model file and make its on-line predictor.
+
+    Parameters
+    ----------
+    path : path-like
+        A phase-style, locomotion or style-machine model.
+    method : {'full', 'paper'}
+        Of a phase-style model (`style_core.phase_style.make_predictor`); the others have one method, 'full'.
+
+    Returns
+    -------
+    FilePredictor
+
+    Raises
+    ------
+    ModelError
+        If the file is not a readable model, or of a kind that cannot predict.
+    UsageError
+        If the kind has no such method.
+    """
+    kind = read_header(path)['kind']
+    if kind not in _READERS:
+        raise ModelError(f'{path} holds a {kind} model, which cannot predict; {", ".join(_READERS)} can')
+    if kind != phase_style.KIND and method != phase_style.METHODS[0]:
+        raise UsageError(f'method {method!r} is for phase-style models; {path} holds a {kind} model')
+    return _READERS[kind](path, method)
+
+
+def _phase_style(path, method):
+    behaviours = phase_style.load_behaviours(path)
+    return FilePredictor(phase_style.KIND, phase_style.make_predictor(behaviours, method),
+                         {one.name: one.rhythmic for one in behaviours}, behaviours[0].rate_hz)
+
+
+def _locomotion(path, method):
+    from style_core.locomotion import KIND, LocomotionPredictor, load
+    model = load(path)
+    return FilePredictor(KIND, LocomotionPredictor(model), dict.fromkeys(model.style_names, True), model.rate_hz)
+
+
+def _style_machine(path, method):
+    from style_core.style_machine import KIND, load
+    from style_core.style_machine.online import StyleMachinePredictor
+    machine = load(path)
+    return FilePredictor(KIND, StyleMachinePredictor(machine), dict.fromkeys(machine.styles, True), machine.rate_hz)
+
+
+#: imported when asked for: learning, which comes with them, needs libraries that take seconds to load
+_READERS = {phase_style.KIND: _phase_style, 'locomotion': _locomotion, 'style-machine': _style_machine}
