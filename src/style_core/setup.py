@@ -15,9 +15,11 @@ def kernels():
     sources = sorted((HERE / NAME).rglob('*.pyx'))
     return [
         Extension('.'.join(path.relative_to(HERE).with_suffix('').parts), [str(path.relative_to(HERE))],
+                  include_dirs=[str(path.parent.relative_to(HERE))],
+                  depends=[str(header.relative_to(HERE)) for header in sorted(path.parent.glob('*.h'))],
                   # contraction off: the same bits on machines with and without fused multiply-add
-                  extra_compile_args=['-O3', '-g0', '-ffp-contract=off', '-Wno-unused-function',
-                                      '-Wno-maybe-uninitialized'])
+                  extra_compile_args=['-O3', '-g0', '-ffp-contract=off', '-fno-math-errno', '-Wno-unused-function',
+                                      '-Wno-maybe-uninitialized', '-Wno-psabi'])
         for path in sources]
 
 

@@ -1,0 +1,447 @@
+/* Included by blocks.h once an instruction set, with NAME() the suffix of its functions. */
+#define EACH for (int k = 0; k < 2; k++)
+#define ROW(base, r) ((v4 *)((base) + LANES * (r)))
+#define CROW(base, r) ((const v4 *)((base) + LANES * (r)))
+#define TRI(a, b) ((a) * ((a) + 1) / 2 + (b))
+
+/* a block of a row of channels, which may end inside it */
+static inline void NAME(put)(double *out, const v4 *x, int left)
+{
+    if (left >= LANES) {
+        ((v4u *)out)[0] = x[0];
+        ((v4u *)out)[1] = x[1];
+    } else
+        memcpy(out, x, left * sizeof(double));
+}
+
+/* what was measured in a block, 0 where nothing was; returns whether anything was */
+static inline int NAME(take)(const double *y, const unsigned char *observed, int left, v4 *clean, v4 *seen)
+{
+    double *c = (double *)clean, *o = (double *)seen;
+    int any = 0;
+    for (int k = 0; k < LANES; k++) {
+        int here = k < left && observed[k];
+        o[k] = here ? 1.0 : 0.0;
+        c[k] = here ? y[k] : 0.0;
+        any |= here;
+    }
+    return any;
+}
+
+static inline double NAME(log_product)(const v4 *x)
+{
+    return log((x[0][0] * x[0][1]) * (x[0][2] * x[0][3])) + log((x[1][0] * x[1][1]) * (x[1][2] * x[1][3]));
+}
+
+/* Time step of a block: V <- G (V + A N A^T) G^T + Q and A <- G A M, u <- G u. */
+static inline void NAME(arrow_step)(const arrow *f, double *A, double *V, double *u, const double *constants)
+{
+    const int m = f->m, n = f->n, third = f->third;
+    const double f11 = f->f11, f12 = f->f12, f21 = f->f21, f22 = f->f22, over = 1 / f->rho;
+    v4 L[MOST][3][2];  /* A times the part of c that the new c does not tell */
+    for (int a = 0; a < n; a++) {
+        const v4 *x = ROW(A, a * m), *z = ROW(A, a * m + 1), *w = ROW(A, a * m + third);
+        EACH {
+            L[a][0][k] = f->back[0][0] * x[k] + f->back[1][0] * z[k] + f->back[2][0] * w[k];
+            L[a][1][k] = f->back[0][1] * x[k] + f->back[1][1] * z[k] + f->back[2][1] * w[k];
+            L[a][2][k] = f->back[2][2] * w[k];
+        }
+    }
+    for (int a = 0; a < n; a++)
+        for (int b = 0; b <= a; b++) {
+            v4 *v = ROW(V, TRI(a, b));
+            const double both = f->decay[a] * f->decay[b];
+            EACH v[k] = both * (v[k] + (L[a][0][k] * L[b][0][k] + L[a][1][k] * L[b][1][k] + L[a][2][k] * L[b][2][k]));
+        }
+    {   /* the fast residual and its velocity */
+        v4 *v10 = ROW(V, TRI(1, 0)), *v20 = ROW(V, TRI(2, 0));
+        v4 *v11 = ROW(V, TRI(1, 1)), *v21 = ROW(V, TRI(2, 1)), *v22 = ROW(V, TRI(2, 2));
+        const v4 *fast = CROW(constants, 2);
+        const double r2 = f->fast_rate2;
+        const double q11 = 1 - f11 * f11 - r2 * f12 * f12, q21 = -f21 * f11 - r2 * f22 * f12;
+        const double q22 = r2 - f21 * f21 - r2 * f22 * f22;
+        EACH {
+            v4 x = v10[k], z = v20[k], p = v11[k], q = v21[k], r = v22[k];
+            v10[k] = f11 * x + f12 * z;
+            v20[k] = f22 * z + f21 * x;
+            v11[k] = f11 * f11 * p + 2 * f11 * f12 * q + f12 * f12 * r + q11 * fast[k];
+            v21[k] = f21 * f11 * p + (f21 * f12 + f22 * f11) * q + f22 * f12 * r + q21 * fast[k];
+            v22[k] = f21 * f21 * p + 2 * f21 * f22 * q + f22 * f22 * r + q22 * fast[k];
+        }
+        for (int a = 3; a < n; a++) {
+            v4 *one = ROW(V, TRI(a, 1)), *two = ROW(V, TRI(a, 2));
+            EACH {
+                v4 x = one[k], z = two[k];
+                one[k] = f11 * x + f12 * z;
+                two[k] = f22 * z + f21 * x;
+            }
+        }
+        EACH ROW(V, 0)[k] += f->renewal[0] * CROW(constants, 1)[k];
+        for (int j = 0; j < f->harmonics; j++)
+            for (int a = 3 + 2 * j; a < 5 + 2 * j; a++)
+                EACH ROW(V, TRI(a, a))[k] += f->renewal[2] * CROW(constants, 4 + j)[k];
+    }
+    for (int a = 0; a < n; a++) {
+        v4 *x = ROW(A, a * m), *z = ROW(A, a * m + 1), *w = ROW(A, a * m + third);
+        const double decay = f->decay[a];
+        v4 p[2], q[2], r[2];
+        EACH z[k] -= f->dt * x[k];
+        EACH w[k] *= over;
+        EACH {
+            p[k] = f->load[0][0] * x[k] + f->load[1][0] * z[k];
+            q[k] = f->load[1][1] * z[k];
+            r[k] = f->load[2][2] * w[k];
+        }
+        for (int i = 0; i < m; i++) {
+            const double c0 = f->mix[0][i], c1 = f->mix[1][i], c2 = f->mix[2][i];
+            EACH x[2 * i + k] = decay * (x[2 * i + k] - (c0 * p[k] + c1 * q[k] + c2 * r[k]));
+        }
+        EACH ROW(u, a)[k] *= decay;
+    }
+    for (int i = 0; i <= m; i++) {
+        v4 *one = i < m ? ROW(A, m + i) : ROW(u, 1), *two = i < m ? ROW(A, 2 * m + i) : ROW(u, 2);
+        EACH {
+            v4 x = one[k], z = two[k];
+            one[k] = f11 * x + f12 * z;
+            two[k] = f22 * z + f21 * x;
+        }
+    }
+}
+
+/* Time step (unless step is 0), then what the observation says of the common state. */
+static void NAME(arrow_sense)(arrow *f, int step)
+{
+    const int m = f->m, n = f->n, styles = m - 2;
+    v4 *sums = (v4 *)f->sums;
+    memset(sums, 0, (TRI(m, 0) + m + 1) * sizeof(v4));
+    f->logs = 0;
+    for (int block = 0; block < f->blocks; block++) {
+        double *A = f->states + (long)block * f->rows * LANES, *V = A + LANES * n * m, *u = V + LANES * TRI(n, 0);
+        v4 *g = ROW(u, n), *vs = ROW(u, n + m), *inverse = ROW(u, n + m + n), *error = inverse + 2;
+        const double *constants = (double *)(error + 2);
+        const int left = f->channels - block * LANES;
+        v4 row[2], slope[2], total[2], seen[2], clean[2];
+        if (step)
+            NAME(arrow_step)(f, A, V, u, constants);
+        {   /* the expected observation and its derivatives */
+            v4 p[2] = {}, q[2] = {}, r[2] = {}, s[2] = {};
+            EACH row[k] = (v4){};
+            for (int j = 0; j <= styles; j++) {
+                const long at = (long)j * f->width + block * LANES;
+                const v4 *p0 = (v4 *)(f->at.p + at), *q0 = (v4 *)(f->at.q + at);
+                const v4 *r0 = (v4 *)(f->at.r + at), *s0 = (v4 *)(f->at.s + at);
+                const double w = f->w[j];
+                EACH {
+                    v4 value = (f->at.h[0] * p0[k] + f->at.h[1] * q0[k]) + (f->at.h[2] * r0[k] + f->at.h[3] * s0[k]);
+                    row[k] += w * value;
+                    p[k] += w * p0[k];
+                    q[k] += w * q0[k];
+                    r[k] += w * r0[k];
+                    s[k] += w * s0[k];
+                    if (j)
+                        g[2 * (1 + j) + k] = value;
+                }
+            }
+            EACH slope[k] = (f->at.h[4] * p[k] + f->at.h[5] * q[k]) + (f->at.h[6] * r[k] + f->at.h[7] * s[k]);
+            EACH row[k] += ROW(u, 0)[k] + ROW(u, 1)[k];
+            for (int j = 0; j < f->harmonics; j++) {
+                const v4 *x = ROW(u, 3 + 2 * j), *z = ROW(u, 4 + 2 * j);
+                const double c = f->s[3 + 2 * j], d = f->s[4 + 2 * j];
+                EACH {
+                    slope[k] += (j + 1) * (c * z[k] - d * x[k]);
+                    row[k] += c * x[k] + d * z[k];
+                }
+            }
+        }
+        EACH {
+            g[k] = slope[k];
+            g[2 + k] = (v4){};
+        }
+        for (int i = 0; i < m; i++) {  /* (the velocity of the fast residual is not seen: s[2] = 0) */
+            v4 t[2];
+            EACH t[k] = g[2 * i + k] + (ROW(A, i)[k] + ROW(A, m + i)[k]);
+            for (int a = 3; a < n; a++)
+                EACH t[k] += f->s[a] * ROW(A, a * m + i)[k];
+            EACH g[2 * i + k] = t[k];
+        }
+        EACH total[k] = f->thin * CROW(constants, 0)[k];
+        for (int a = 0; a < n; a++) {
+            v4 t[2];
+            EACH t[k] = ROW(V, TRI(a, 0))[k] + ROW(V, a ? TRI(a, 1) : TRI(1, 0))[k];
+            for (int b = 3; b < n; b++)
+                EACH t[k] += f->s[b] * ROW(V, a > b ? TRI(a, b) : TRI(b, a))[k];
+            EACH vs[2 * a + k] = t[k];
+            if (a != 2)
+                EACH total[k] += f->s[a] * t[k];
+        }
+        if (!NAME(take)(f->y + block * LANES, f->observed + block * LANES, left, clean, seen)) {
+            EACH inverse[k] = error[k] = (v4){};
+            continue;
+        }
+        EACH {
+            inverse[k] = seen[k] / total[k];
+            error[k] = seen[k] * (clean[k] - row[k]);
+            total[k] = seen[k] * total[k] + (1.0 - seen[k]);
+        }
+        f->logs += NAME(log_product)(total);
+        for (int i = 0; i < m; i++) {
+            v4 t[2];
+            EACH t[k] = g[2 * i + k] * inverse[k];
+            for (int j = 0; j <= i; j++)
+                sums[TRI(i, j)] += t[0] * g[2 * j] + t[1] * g[2 * j + 1];
+            sums[TRI(m, 0) + i] += t[0] * error[0] + t[1] * error[1];
+        }
+        sums[TRI(m, 0) + m] += error[0] * error[0] * inverse[0] + error[1] * error[1] * inverse[1];
+    }
+}
+
+/* Residual states given the new common state. */
+static void NAME(arrow_settle)(arrow *f)
+{
+    const int m = f->m, n = f->n;
+    for (int block = 0; block < f->blocks; block++) {
+        double *A = f->states + (long)block * f->rows * LANES, *V = A + LANES * n * m, *u = V + LANES * TRI(n, 0);
+        const v4 *g = ROW(u, n), *vs = ROW(u, n + m), *inverse = ROW(u, n + m + n);
+        v4 error[2];
+        EACH error[k] = inverse[2 + k];
+        for (int i = 0; i < m; i++)
+            EACH error[k] -= f->delta[i] * g[2 * i + k];
+        for (int a = 0; a < n; a++) {
+            v4 gain[2], t[2];
+            EACH {
+                gain[k] = vs[2 * a + k] * inverse[k];
+                t[k] = ROW(u, a)[k] + gain[k] * error[k];
+            }
+            for (int i = 0; i < m; i++)
+                EACH {
+                    v4 x = ROW(A, a * m + i)[k];
+                    t[k] += f->delta[i] * x;
+                    ROW(A, a * m + i)[k] = x - gain[k] * g[2 * i + k];
+                }
+            EACH ROW(u, a)[k] = t[k];
+            for (int b = 0; b <= a; b++)
+                EACH ROW(V, TRI(a, b))[k] -= gain[k] * vs[2 * b + k];
+        }
+    }
+}
+
+/* Mean and velocity at a time ahead, each (D,) or NULL; where rows is not NULL, the derivative by phase and the bases
+   of z, (1 + J, width), for the spread. */
+static void NAME(arrow_mean)(const arrow *f, const horizon *x, double *mean, double *velocity, double *rows)
+{
+    const int m = f->m, n = f->n, styles = m - 2;
+    for (int block = 0; block < f->blocks; block++) {
+        const double *u = f->states + (long)block * f->rows * LANES + LANES * (n * m + TRI(n, 0));
+        const int left = f->channels - block * LANES;
+        v4 p[2] = {}, q[2] = {}, r[2] = {}, s[2] = {}, base[2], row[2], slope[2], personal[2] = {}, rate[2];
+        for (int j = 0; j <= styles; j++) {
+            const long at = (long)j * f->width + block * LANES;
+            const v4 *p0 = (v4 *)(x->at.p + at), *q0 = (v4 *)(x->at.q + at);
+            const v4 *r0 = (v4 *)(x->at.r + at), *s0 = (v4 *)(x->at.s + at);
+            const double w = x->w[j];
+            EACH {
+                p[k] += w * p0[k];
+                q[k] += w * q0[k];
+                r[k] += w * r0[k];
+                s[k] += w * s0[k];
+            }
+            if (j == 0 || rows) {
+                v4 value[2];
+                EACH value[k] = (x->at.h[0] * p0[k] + x->at.h[1] * q0[k]) + (x->at.h[2] * r0[k] + x->at.h[3] * s0[k]);
+                if (j == 0)
+                    EACH base[k] = value[k];
+                else
+                    EACH ((v4 *)(rows + at))[k] = value[k];
+            }
+        }
+        EACH {
+            row[k] = (x->at.h[0] * p[k] + x->at.h[1] * q[k]) + (x->at.h[2] * r[k] + x->at.h[3] * s[k]);
+            slope[k] = (x->at.h[4] * p[k] + x->at.h[5] * q[k]) + (x->at.h[6] * r[k] + x->at.h[7] * s[k]);
+            rate[k] = -x->style_rate * (row[k] - base[k]);
+        }
+        for (int j = 0; j < f->harmonics; j++) {
+            const v4 *a = CROW(u, 3 + 2 * j), *b = CROW(u, 4 + 2 * j);
+            const double c = x->s[3 + 2 * j], d = x->s[4 + 2 * j];
+            EACH {
+                slope[k] += (j + 1) * (c * b[k] - d * a[k]);
+                personal[k] += c * a[k] + d * b[k];
+            }
+        }
+        EACH {
+            const v4 offset = x->s[0] * CROW(u, 0)[k], u1 = CROW(u, 1)[k], u2 = CROW(u, 2)[k];
+            row[k] += (offset + (x->s[1] * u1 + x->s[2] * u2)) + personal[k];
+            rate[k] += (x->speed * slope[k] + (x->f21 * u1 + x->f22 * u2))
+                - (x->offset_rate * offset + x->personal_rate * personal[k]);
+        }
+        NAME(put)(mean + block * LANES, row, left);
+        if (velocity)
+            NAME(put)(velocity + block * LANES, rate, left);
+        if (rows)
+            EACH ((v4 *)(rows + block * LANES))[k] = slope[k];
+    }
+}
+
+/* Standard deviation at some of the times ahead: std[k] (D,) belongs to x[k] and the rows arrow_mean left there. */
+static void NAME(arrow_spread)(const arrow *f, const horizon *x, int count, const double *rows, double *const *std)
+{
+    const int m = f->m, n = f->n, styles = m - 2;
+    for (int block = 0; block < f->blocks; block++) {
+        const double *A = f->states + (long)block * f->rows * LANES, *V = A + LANES * n * m;
+        const double *constants = V + LANES * (TRI(n, 0) + n + m + n + 2);
+        const int left = f->channels - block * LANES;
+        for (int h = 0; h < count; h++) {
+            const horizon *at = x + h;
+            const double *here = rows + ((long)h * (1 + styles)) * f->width + block * LANES;
+            v4 g[MOST][2], total[2];
+            EACH {
+                v4 slope = ((const v4 *)here)[k];
+                total[k] = CROW(constants, 0)[k] + at->q_offset * CROW(constants, 1)[k]
+                    + at->q_fast * CROW(constants, 2)[k] + at->q_personal * CROW(constants, 3)[k]
+                    + at->wander * slope * slope;
+                g[0][k] = slope;
+                g[1][k] = at->ahead * slope;
+            }
+            for (int j = 0; j < styles; j++)
+                EACH {
+                    v4 value = ((const v4 *)(here + (long)(1 + j) * f->width))[k];
+                    total[k] += (1 - at->rho * at->rho) * value * value;
+                    g[2 + j][k] = at->rho * value;
+                }
+            for (int i = 0; i < m; i++) {
+                v4 t[2];
+                EACH t[k] = g[i][k];
+                for (int a = 0; a < n; a++)
+                    EACH t[k] += at->s[a] * CROW(A, a * m + i)[k];
+                EACH g[i][k] = t[k];
+            }
+            for (int i = 0; i < m; i++) {  /* g^T P g with P = C C^T */
+                v4 t[2] = {};
+                for (int j = i; j < m; j++)
+                    EACH t[k] += f->factor[j * m + i] * g[j][k];
+                EACH total[k] += t[k] * t[k];
+            }
+            for (int a = 0; a < n; a++) {
+                v4 t[2] = {};
+                for (int b = 0; b < a; b++)
+                    EACH t[k] += at->s[b] * CROW(V, TRI(a, b))[k];
+                EACH total[k] += at->s[a] * (2 * t[k] + at->s[a] * CROW(V, TRI(a, a))[k]);
+            }
+            for (int k = 0; k < LANES; k++) {
+                double *t = (double *)total;
+                t[k] = sqrt(t[k] > 0 ? t[k] : 0);
+            }
+            NAME(put)(std[h] + block * LANES, total, left);
+        }
+    }
+}
+
+/* Sums of the EKF over phase and velocity. */
+static void NAME(paper_sense)(paper *f, const cubic *at, double extra, const double *y, const unsigned char *observed)
+{
+    v4 information = {}, score = {}, squares = {};
+    f->logs = 0;
+    for (int block = 0; block < f->blocks; block++) {
+        v4 p[2] = {}, q[2] = {}, r[2] = {}, s[2] = {}, total[2];
+        v4 *seen = ROW(f->seen, block), *clean = ROW(f->clean, block);
+        if (!NAME(take)(y + block * LANES, observed + block * LANES, f->channels - block * LANES, clean, seen))
+            continue;
+        for (int j = 0; j < f->count; j++) {
+            const long here = (long)j * f->width + block * LANES;
+            const double w = f->w[j];
+            EACH {
+                p[k] += w * ((const v4 *)(at->p + here))[k];
+                q[k] += w * ((const v4 *)(at->q + here))[k];
+                r[k] += w * ((const v4 *)(at->r + here))[k];
+                s[k] += w * ((const v4 *)(at->s + here))[k];
+            }
+        }
+        EACH {
+            v4 mean = (at->h[0] * p[k] + at->h[1] * q[k]) + (at->h[2] * r[k] + at->h[3] * s[k]);
+            v4 slope = (at->h[4] * p[k] + at->h[5] * q[k]) + (at->h[6] * r[k] + at->h[7] * s[k]);
+            v4 variance = CROW(f->noise, block)[k] + extra, error = clean[k] - mean, inverse = seen[k] / variance;
+            information += slope * slope * inverse;
+            score += slope * error * inverse;
+            squares += error * error * inverse;
+            total[k] = seen[k] * variance + (1.0 - seen[k]);
+        }
+        f->logs += NAME(log_product)(total);
+    }
+    f->information = (information[0] + information[1]) + (information[2] + information[3]);
+    f->score = (score[0] + score[1]) + (score[2] + score[3]);
+    f->squares = (squares[0] + squares[1]) + (squares[2] + squares[3]);
+}
+
+/* Sums of the M-step: normal equations and the same weighted by R, each J (J + 1) / 2, then the moments, J. */
+static void NAME(paper_learn)(paper *f, const cubic *at)
+{
+    const int J = f->count, half = TRI(J, 0);
+    v4 *sums = (v4 *)f->sums;
+    memset(sums, 0, (2 * half + J) * sizeof(v4));
+    for (int block = 0; block < f->blocks; block++) {
+        const v4 *seen = CROW(f->seen, block), *clean = CROW(f->clean, block), *noise = CROW(f->noise, block);
+        v4 value[MOST][2];
+        for (int i = 0; i < J; i++) {
+            const long here = (long)i * f->width + block * LANES;
+            v4 t[2], z[2];
+            EACH {
+                value[i][k] = (at->h[0] * ((const v4 *)(at->p + here))[k] + at->h[1] * ((const v4 *)(at->q + here))[k])
+                    + (at->h[2] * ((const v4 *)(at->r + here))[k] + at->h[3] * ((const v4 *)(at->s + here))[k]);
+                t[k] = seen[k] * value[i][k];
+                z[k] = t[k] * noise[k];
+            }
+            for (int j = 0; j <= i; j++) {
+                sums[TRI(i, j)] += t[0] * value[j][0] + t[1] * value[j][1];
+                sums[half + TRI(i, j)] += z[0] * value[j][0] + z[1] * value[j][1];
+            }
+            sums[2 * half + i] += t[0] * clean[0] + t[1] * clean[1];
+        }
+    }
+}
+
+/* Mean, standard deviation and velocity at a time ahead, each (D,). */
+static void NAME(paper_ahead)(const paper *f, const cubic *at, double extra, double phase_variance, double speed,
+                              double *mean, double *std, double *velocity)
+{
+    const int J = f->count;
+    for (int block = 0; block < f->blocks; block++) {
+        const int left = f->channels - block * LANES;
+        v4 value[MOST][2], row[2] = {}, p[2] = {}, q[2] = {}, r[2] = {}, s[2] = {}, total[2];
+        for (int j = 0; j < J; j++) {
+            const long here = (long)j * f->width + block * LANES;
+            const double w = f->w[j];
+            EACH {
+                const v4 p0 = ((const v4 *)(at->p + here))[k], q0 = ((const v4 *)(at->q + here))[k];
+                const v4 r0 = ((const v4 *)(at->r + here))[k], s0 = ((const v4 *)(at->s + here))[k];
+                value[j][k] = (at->h[0] * p0 + at->h[1] * q0) + (at->h[2] * r0 + at->h[3] * s0);
+                row[k] += w * value[j][k];
+                p[k] += w * p0;
+                q[k] += w * q0;
+                r[k] += w * r0;
+                s[k] += w * s0;
+            }
+        }
+        EACH {
+            v4 slope = (at->h[4] * p[k] + at->h[5] * q[k]) + (at->h[6] * r[k] + at->h[7] * s[k]);
+            total[k] = CROW(f->noise, block)[k] + extra + phase_variance * slope * slope;
+            p[k] = speed * slope;
+        }
+        for (int i = 0; i < J; i++) {
+            v4 t[2] = {};
+            for (int j = 0; j <= i; j++)
+                EACH t[k] += f->spread[i * J + j] * value[j][k];
+            EACH total[k] += t[k] * value[i][k];
+        }
+        for (int k = 0; k < LANES; k++) {
+            double *t = (double *)total;
+            t[k] = sqrt(t[k] > 0 ? t[k] : 0);
+        }
+        NAME(put)(mean + block * LANES, row, left);
+        NAME(put)(std + block * LANES, total, left);
+        NAME(put)(velocity + block * LANES, p, left);
+    }
+}
+
+#undef EACH
+#undef ROW
+#undef CROW
+#undef TRI
