@@ -1,4 +1,6 @@
 """Bags of joint states, with what real bags do: several publishers, silence, disorder, damage."""
+import sqlite3
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +50,58 @@ def test_a_motion_comes_back_from_a_bag(tmp_path, gait, name, storage):
     part = read_motion(tmp_path / name, start_s=1.0, stop_s=2.0)
     np.testing.assert_allclose(part.times, np.arange(100, 200) / 100, atol=1e-9)
     np.testing.assert_array_equal(part.positions, motion.positions[100:200])
+
+
+def test_bags_are_read_by_programs_that_share_no_code_with_us(tmp_path, gait):
+    """MCAP by Foxglove's own reader, which decodes by the definitions in the file; sqlite3 by SQL and the rules of CDR."""
+    read_ros2_messages = pytest.importorskip('mcap_ros2.reader').read_ros2_messages
+    values = gait.positions[:50].copy()
+    values[3, 2] = np.nan
+    motion = gait.slice(0, 0.5).replace(positions=values, epoch_ns=EPOCH)
+    stamps = EPOCH + np.round(motion.times * 1e9).astype(np.int64)
+    write_motion(motion, tmp_path / 'walk.mcap')
+    messages = list(read_ros2_messages(str(tmp_path / 'walk.mcap')))
+    assert [(m.channel.topic, m.schema.name, m.log_time_ns) for m in messages] == [
+        ('/joint_states', bag.JOINT_STATE, stamp) for stamp in stamps]
+    decoded = [m.ros_msg for m in messages]
+    assert [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in decoded] == stamps.tolist()
+    assert all(tuple(m.name) == motion.joint_names and not m.velocity and not m.effort for m in decoded)
+    np.testing.assert_array_equal([m.position for m in decoded], values)
+
+    write_motion(motion, tmp_path / 'walk')
+    database = sqlite3.connect(tmp_path / 'walk' / 'walk.db3')
+    # what rosbag2 of Humble asks its files for
+    (topic,) = database.execute('SELECT id, name, type, serialization_format, offered_qos_profiles FROM topics')
+    assert topic[1:] == ('/joint_states', bag.JOINT_STATE, 'cdr', '')
+    rows = list(database.execute('SELECT data, timestamp FROM messages JOIN topics ON messages.topic_id = topics.id '
+                                 "WHERE topics.name = '/joint_states' ORDER BY timestamp"))
+    database.close()
+    assert [row[1] for row in rows] == stamps.tolist()
+    for (data, stamp), expected in zip(rows, values):
+        assert joint_state_by_hand(data) == (stamp, '', list(motion.joint_names), pytest.approx(expected, nan_ok=True),
+                                             [], [])
+
+
+def joint_state_by_hand(data):
+    """Fields of a little-endian CDR JointState, by `struct` alone."""
+    assert data[:4] == bytes((0, 1, 0, 0))
+    body, at = data[4:], 0
+
+    def take(code, count=1):
+        nonlocal at
+        size = struct.calcsize(code)
+        at += -at % size if count else 0
+        found = struct.unpack_from(f'<{count}{code}', body, at)
+        at += count * size
+        return list(found)
+
+    def text():
+        (length,) = take('I')
+        return bytes(take('B', length)).decode()[:-1]
+    seconds, nanoseconds = take('i') + take('I')
+    frame = text()
+    names = [text() for _ in range(take('I')[0])]
+    return (seconds * 10**9 + nanoseconds, frame, names, *(take('d', take('I')[0]) for _ in range(3)))
 
 
 def test_a_silent_joint_is_missing_and_publishers_with_their_own_stamps_are_interpolated(tmp_path):
