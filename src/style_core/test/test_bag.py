@@ -53,7 +53,7 @@ def test_a_motion_comes_back_from_a_bag(tmp_path, gait, name, storage):
 
 
 def test_bags_are_read_by_programs_that_share_no_code_with_us(tmp_path, gait):
-    """MCAP by Foxglove's own reader, which decodes by the definitions in the file; sqlite3 by SQL and the rules of CDR."""
+    """MCAP by Foxglove's reader, which decodes by the definitions in the file; sqlite3 by SQL and the rules of CDR."""
     read_ros2_messages = pytest.importorskip('mcap_ros2.reader').read_ros2_messages
     values = gait.positions[:50].copy()
     values[3, 2] = np.nan

@@ -85,6 +85,10 @@ def _stamp(stamp, prefix=''):
     return {prefix + 'header.stamp.sec': seconds, prefix + 'header.stamp.nanosec': nanoseconds}
 
 
+def _heard(publisher):
+    return publisher.get_subscription_count() > 0
+
+
 class Outputs:
     """The predictor's publishers."""
 
@@ -103,13 +107,31 @@ class Outputs:
         for publisher in (self._trajectory, self._prediction, self._estimate, self._filled, self._model):
             self._node.destroy_lifecycle_publisher(publisher)
 
-    def publish(self, writers, step, outlook):
-        """Publish one step, and its prediction where there is one."""
+    def publish(self, writers, step, predict):
+        """Publish one step and what is ahead of it, the trajectory first; what nobody listens to is not made.
+
+        Parameters
+        ----------
+        writers : Writers
+        step : Step
+        predict : callable
+            Returns the Outlook, or None.
+
+        Returns
+        -------
+        Outlook or None
+            What was predicted.
+        """
+        outlook = predict() if _heard(self._trajectory) or _heard(self._prediction) else None
         if outlook is not None:
             self._trajectory.publish(writers.trajectory(outlook))
-            self._prediction.publish(writers.prediction(outlook))
-        self._estimate.publish(writers.estimate(step))
-        self._filled.publish(writers.filled(step))
+            if _heard(self._prediction):
+                self._prediction.publish(writers.prediction(outlook))
+        if _heard(self._estimate):
+            self._estimate.publish(writers.estimate(step))
+        if _heard(self._filled):
+            self._filled.publish(writers.filled(step))
+        return outlook
 
     def describe(self, live, stream, horizons):
         """Publish the latched description of the model in use."""

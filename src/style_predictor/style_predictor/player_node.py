@@ -2,20 +2,20 @@
 import array
 import sys
 
-import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from style_core.angles import continuous
-from style_core.errors import ModelError, MotionError, UsageError
+from style_core.errors import UsageError
 from style_core.formats import read_motion
 from style_core.live.joint_map import identity_map, read_joint_map
 from style_core.live.player import loop_cut, play
 from style_core.live.stamp_policy import NANOSECONDS
 from style_core.skeleton import read_skeleton
+from style_predictor.executor import run
 from style_predictor.parameters import PLAYER, faults_of
 from style_predictor.ros_parameters import declare, values_of, watch
 
@@ -41,7 +41,7 @@ class PlayerNode(Node):
         qos = QoSProfile(depth=64)
         self._output = self.create_publisher(JointState, 'joint_states', qos)
         self._truth = self.create_publisher(JointState, '~/truth', qos)
-        self.done = rclpy.task.Future()
+        self.done = Future()
         self._exit_at_end = values['exit_at_end']
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._delay = round(values['delay'] * NANOSECONDS)
@@ -106,24 +106,7 @@ def _motion_of(values, logger):
 
 def main(args=None):
     """Play until the end, or until told to stop."""
-    rclpy.init(args=args)
-    node = None
-    try:
-        node = PlayerNode()
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        while rclpy.ok() and not node.done.done():
-            executor.spin_once(timeout_sec=0.2)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except (UsageError, MotionError, ModelError, OSError) as error:
-        print(f'motion_player: {error}', file=sys.stderr)
-        return 2 if isinstance(error, UsageError) else 1
-    finally:
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
+    return run(PlayerNode, 'motion_player', until=lambda node: node.done.done(), args=args)
 
 
 if __name__ == '__main__':

@@ -6,12 +6,10 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -21,10 +19,11 @@ from sensor_msgs.msg import JointState
 from style_core.errors import MotionError, UsageError
 from style_core.live.health import WARN, Health, health_of
 from style_core.live.joint_map import identity_map, read_joint_map
+from style_core.live.joint_state_reader import JointStateReader
 from style_core.live.loading import load_live
-from style_core.live.stamp_policy import NANOSECONDS
 from style_core.live.stream import PredictorStream
 from style_msgs.srv import LoadModel, ResetEstimate, SetMask
+from style_predictor.executor import run
 from style_predictor.lifecycle import SoundLifecycleNode, transition
 from style_predictor.outputs import Outputs, Writers, diagnostics_message
 from style_predictor.parameters import PREDICTOR, horizons_of, settings_of
@@ -62,12 +61,13 @@ class PredictorNode(SoundLifecycleNode):
             stream.set_mask(masked, False)
         self._live, self._stream, self._writers = live, stream, writers
         self._outlook = None
+        self._reader = JointStateReader()
         self._next_publication = 0.0
         self._warned = set()
         self._outputs = Outputs(self)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._subscription = self.create_subscription(
-            JointState, 'joint_states', self._on_joint_states, INPUT_QOS,
+            JointState, 'joint_states', self._on_joint_states, INPUT_QOS, raw=True,
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
         self._timer = self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._own_services = [
@@ -144,11 +144,8 @@ class PredictorNode(SoundLifecycleNode):
         started = perf_counter()
         newest = None
         for _ in range(MOST_AT_ONCE):
-            stamp = message.header.stamp
-            steps = self._stream.receive(message.name, message.position, stamp.sec * NANOSECONDS + stamp.nanosec,
-                                         self._now())
-            newest = steps[-1] if steps else newest
-            taken = self._subscription.handle.take_message(JointState, False)
+            newest = self._take_in(message) or newest
+            taken = self._subscription.handle.take_message(JointState, True)
             if taken is None:
                 break
             message = taken[0]
@@ -159,6 +156,16 @@ class PredictorNode(SoundLifecycleNode):
         if perf_counter() - started > self._values['deadline']:
             tally.count('missed deadlines')
 
+    def _take_in(self, message):
+        """The newest step that a serialised joint state leads to, or None."""
+        try:
+            stamp, names, positions = self._reader.read(message)
+        except MotionError:
+            self._stream.tally.count('unreadable')
+            return None
+        steps = self._stream.receive(names, positions, stamp, self._now())
+        return steps[-1] if steps else None
+
     def _answer(self, step, now):
         rate = self._values['max_publish_rate']
         if rate:
@@ -166,11 +173,10 @@ class PredictorNode(SoundLifecycleNode):
                 self._stream.tally.count('skipped')
                 return
             self._next_publication = max(self._next_publication + 1 / rate, now)
-        self._outlook = self._stream.predict(self._horizons)
-        self._outputs.publish(self._writers, step, self._outlook)
+        self._outlook = self._outputs.publish(self._writers, step, lambda: self._stream.predict(self._horizons))
 
     def _now(self):
-        return self.get_clock().now().nanoseconds
+        return self.get_clock().handle.get_now().nanoseconds  # without the objects that now() makes
 
     def _report(self):
         name = f'{self.get_name()}: motion prediction'
@@ -257,24 +263,7 @@ class PredictorNode(SoundLifecycleNode):
 
 def main(args=None):
     """Run the node until it is told to stop."""
-    sys.setswitchinterval(0.0005)  # a model loading in its thread must not hold up joint states
-    rclpy.init(args=args)
-    node = None
-    try:
-        node = PredictorNode()
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except UsageError as error:
-        print(f'predictor: {error}', file=sys.stderr)
-        return 2
-    finally:
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
+    return run(PredictorNode, 'predictor', args=args)
 
 
 if __name__ == '__main__':

@@ -42,19 +42,26 @@ class MessageTemplate:
 
     def _holds(self, message):
         """Whether a number written to every place comes back from the middleware."""
-        read = deserialize_message(self.write(dict.fromkeys(self._places, 1)), type(message))
+        ones = {path: np.ones(view.shape if index is None else index.shape)
+                for path, (view, index) in self._places.items()}
+        read = deserialize_message(self.write(ones), type(message))
         return all(np.all(np.equal(value, 1)) for value in _numbers(read))
 
     def _view(self, found):
-        """A typed view of the buffer and which of its elements belong to a field."""
+        """A typed view of a field, block by block, and None; or one of the buffer and which elements belong to it."""
         dtype = np.dtype(found[0][0])
         starts = np.concatenate([offset + dtype.itemsize * np.arange(count) for _, offset, count in found])
         first = _ENCAPSULATION % dtype.itemsize
         whole = (len(self._buffer) - first) // dtype.itemsize * dtype.itemsize
         index = (starts + _ENCAPSULATION - first) // dtype.itemsize
-        if len(index) and index[-1] - index[0] == len(index) - 1:
-            index = slice(int(index[0]), int(index[-1]) + 1)
-        return self._buffer[first:first + whole].view(dtype), index
+        steps, count = np.diff([offset for _, offset, _ in found]) // dtype.itemsize, found[0][2]
+        view = self._buffer[first:first + whole].view(dtype)
+        if all(one[2] == count for one in found) and (steps == steps[:1]).all():
+            # evenly spaced blocks, as the positions of points are
+            shape, stride = (len(found), count), int(steps[0]) if len(steps) else count
+            return np.lib.stride_tricks.as_strided(
+                view[index[0]:] if len(index) else view[:0], shape, (stride * dtype.itemsize, dtype.itemsize)), None
+        return view, index
 
     def write(self, values):
         """Store numbers and return the serialised message.
@@ -67,7 +74,10 @@ class MessageTemplate:
         """
         for path, numbers in values.items():
             view, index = self._places[path]
-            view[index] = np.ravel(numbers)
+            if index is None:
+                view[:] = np.reshape(numbers, view.shape)
+            else:
+                view[index] = np.ravel(numbers)
         return self._buffer.tobytes()
 
 

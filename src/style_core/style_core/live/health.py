@@ -11,8 +11,8 @@ __all__ = ['OK', 'WARN', 'ERROR', 'Health', 'health_of']
 OK, WARN, ERROR = 0, 1, 2
 
 #: reasons for which a message or a value is not used
-REJECTIONS = ('wrong length', 'no positions', 'duplicate names', 'no known joint', 'stale', 'future', 'jump',
-              'out of order', 'late', 'NaN values', 'implausible values', 'filter failures')
+REJECTIONS = ('unreadable', 'wrong length', 'no positions', 'duplicate names', 'no known joint', 'stale', 'future',
+              'jump', 'out of order', 'late', 'NaN values', 'implausible values', 'filter failures')
 
 
 @dataclass(frozen=True)

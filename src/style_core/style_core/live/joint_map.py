@@ -1,5 +1,6 @@
 """Which robot joint is which model joint, and how its angle is counted."""
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Mapping, Optional, Tuple
 
@@ -69,13 +70,19 @@ class BoundMap:
     lower: np.ndarray
     upper: np.ndarray
 
+    @cached_property
+    def limited(self):
+        """Whether any joint has a limit."""
+        return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
+
     def to_model(self, positions, joints):
         """Model angles of robot angles ``positions``, shape (N,), of the robot joints number ``joints``, shape (N,)."""
         return (positions - self.offset[joints]) / self.gain[joints]
 
     def to_robot(self, mean):
         """Robot angles within the limits, shape (..., R), of model angles, shape (..., D)."""
-        return np.clip(mean[..., self.channels] * self.gain + self.offset, self.lower, self.upper)
+        robot = mean[..., self.channels] * self.gain + self.offset
+        return np.clip(robot, self.lower, self.upper) if self.limited else robot
 
     def spread_to_robot(self, std):
         """Standard deviations of the robot angles, shape (..., R), from the model's, shape (..., D)."""
@@ -84,6 +91,8 @@ class BoundMap:
     def velocity_to_robot(self, velocity, positions):
         """Robot joint velocities, shape (..., R); zero where ``positions`` rest at a limit and would pass it."""
         robot = velocity[..., self.channels] * self.gain
+        if not self.limited:
+            return robot
         blocked = ((positions <= self.lower) & (robot < 0)) | ((positions >= self.upper) & (robot > 0))
         return np.where(blocked, 0.0, robot)
 

@@ -1,0 +1,159 @@
+"""Run a node with little between a message and its callback; every node of the suite is run by `run`."""
+import sys
+from contextlib import ExitStack
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.waitable import NumberOfEntities
+
+from style_core.errors import ModelError, MotionError, UsageError
+
+__all__ = ['PromptExecutor', 'run']
+
+
+class PromptExecutor(SingleThreadedExecutor):
+    """Humble's single-threaded executor with a short way for subscriptions and timers.
+
+    rclpy gathers everything a node has before every wait, and wraps every callback in a task whose end wakes the
+    executor once more: most of a millisecond a message. Here what is waited for is gathered when it changes, and
+    callbacks of subscriptions and timers are called at once, subscriptions first. Everything else (services, clients,
+    actions, tasks) is left to rclpy, and so is all of it while a coroutine keeps a callback group busy.
+    Callbacks of subscriptions and timers must be plain functions.
+    """
+
+    def __init__(self, *, context=None):
+        super().__init__(context=context)
+        self._changed = True
+        self._held = ExitStack()
+
+    def wake(self):
+        """What there is to wait for has changed."""
+        self._changed = True
+        super().wake()
+
+    def add_node(self, node):
+        """Serve a node; whether it is new here."""
+        self._changed = True
+        return super().add_node(node)
+
+    def remove_node(self, node):
+        """Serve a node no longer."""
+        self._changed = True
+        super().remove_node(node)
+
+    def shutdown(self, timeout_sec=None):
+        """Stop, and let go of everything."""
+        self._held.close()
+        return super().shutdown(timeout_sec)
+
+    def spin_once(self, timeout_sec=None):
+        """Wait for callbacks and run those that are ready."""
+        if self._changed:
+            self._changed = False
+            self._gather()
+        if not all(one.callback_group.can_execute(one) for one in self._one_a_group):
+            super().spin_once(timeout_sec)
+            return
+        wait_set = self._wait_set
+        wait_set.clear_entities()
+        for add, handle in self._entries:
+            add(handle)
+        for one in self._waitables:
+            one.add_to_wait_set(wait_set)
+        wait_set.wait(-1 if timeout_sec is None else round(timeout_sec * 1e9))
+        if self._is_shutdown:
+            return
+        if not self._context.ok():
+            raise ExternalShutdownException
+        ready = wait_set.get_ready_entities
+        for subscription in _of(self._subscriptions, ready('subscription')):
+            self._run(subscription, self._take_subscription)
+        for timer in _of(self._timers, ready('timer')):
+            if timer.handle.is_timer_ready():
+                self._run(timer, self._take_timer)
+        guards = _of(self._guards, ready('guard_condition'))
+        for guard in guards:
+            guard._executor_triggered = True  # rclpy triggers it again and serves it
+        if guards or self._ready_tasks or ready('service') or ready('client') or any(
+                one.is_ready(wait_set) for one in self._waitables):
+            super().spin_once(0)
+
+    def _gather(self):
+        """Note what to wait for and how to add it to a wait set, and hold it so that nobody destroys it meanwhile."""
+        self._held.close()
+        nodes = self.get_nodes()
+        self._subscriptions, self._guards, self._timers, clients, services, self._waitables = (
+            [one for node in nodes for one in getattr(node, kind)]
+            for kind in ('subscriptions', 'guards', 'timers', 'clients', 'services', 'waitables'))
+        kinds = self._subscriptions, [*self._guards, self._guard, self._sigint_gc], self._timers, clients, services
+        count = sum((one.get_num_entities() for one in self._waitables), NumberOfEntities(*map(len, kinds)))
+        self._wait_set = wait_set = rclpy_implementation.WaitSet(
+            count.num_subscriptions, count.num_guard_conditions, count.num_timers, count.num_clients,
+            count.num_services, count.num_events, self._context.handle)
+        add = (wait_set.add_subscription, wait_set.add_guard_condition, wait_set.add_timer, wait_set.add_client,
+               wait_set.add_service)
+        self._entries = [(add_one, one.handle) for add_one, kind in zip(add, kinds) for one in kind]
+        everything = (*self._subscriptions, *self._guards, *self._timers, *clients, *services, *self._waitables)
+        self._one_a_group = list({id(one.callback_group): one for one in everything}.values())
+        for one in (*(handle for _, handle in self._entries), *self._waitables):
+            self._held.enter_context(one)
+
+    def _run(self, entity, take):
+        if self._changed and entity not in self._alive():
+            return  # an earlier callback has destroyed it
+        group = entity.callback_group
+        if not group.beginning_execution(entity):
+            return
+        try:
+            taken = take(entity)
+            if taken is True:
+                entity.callback()
+            elif taken:
+                entity.callback(taken)
+        finally:
+            group.ending_execution(entity)
+
+    def _alive(self):
+        return [one for node in self.get_nodes() for kind in (node.subscriptions, node.timers) for one in kind]
+
+
+def _of(entities, pointers):
+    return [one for one in entities if one.handle.pointer in pointers] if pointers else ()
+
+
+def run(make_node, name, until=None, args=None):
+    """Run a node until it is told to stop; returns the exit status of its program.
+
+    Parameters
+    ----------
+    make_node : callable
+        Returns the node. What it raises about its parameters or files is printed, not shown as a traceback; a method
+        ``release`` of the node is called before it is destroyed.
+    name : str
+        Of the program.
+    until : callable, optional
+        Takes the node; true when it is done.
+    args : list of str, optional
+        Command line.
+    """
+    sys.setswitchinterval(0.0005)  # a model loading in its thread must not hold up messages
+    rclpy.init(args=args)
+    node, executor = None, PromptExecutor()
+    try:
+        node = make_node()
+        executor.add_node(node)
+        while rclpy.ok() and not (until and until(node)):
+            executor.spin_once(timeout_sec=0.2 if until else None)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except (UsageError, MotionError, ModelError, OSError) as error:
+        print(f'{name}: {error}', file=sys.stderr)
+        return 2 if isinstance(error, UsageError) else 1
+    finally:
+        if node is not None:
+            getattr(node, 'release', lambda: None)()
+            executor.shutdown()
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
