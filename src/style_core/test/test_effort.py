@@ -13,7 +13,7 @@ from style_core.effort.content import content_distances, content_groups, content
 from style_core.effort.descriptors import effort_scale, raw_descriptors
 from style_core.effort.interpolation import sample_frames
 from style_core.effort.joins import join
-from style_core.effort.library import Blend
+from style_core.effort.library import Blend, EffortLibrary
 from style_core.effort.pose import Poses, pose_space
 from style_core.effort.regression import METHODS, fit_regression
 from style_core.effort.restyle import choose_blend
@@ -351,13 +351,30 @@ def test_library_survives_its_file(made_library, tmp_path):
 def test_choice_is_as_good_as_a_fine_grid(made_library):
     library, _, _ = made_library
     target = np.array([1.0, -1.0, np.nan])
-    blend, predicted = choose_blend(library, 2, target, verify=False)
+    blend, predicted, poses = choose_blend(library, 2, target, verify=False)
+    np.testing.assert_array_equal(poses.joints, library.blend(blend).joints)
     near = library.neighbours(2, 6)
     grid = np.linspace(*ALPHA_RANGE, 301)
     misses = [np.sum((library.predicted_efforts([i] * 301, [j] * 301, grid) - target)[:, :2]**2, axis=1).min()
               for i, j in itertools.permutations(near, 2)]
     assert np.sum((predicted - target)[:2]**2) <= min(misses) + 1e-4
     assert ALPHA_RANGE[0] <= blend.alpha <= ALPHA_RANGE[1]
+
+
+def test_a_verified_choice_is_the_nearest_that_was_made_and_is_made_once(made_library, monkeypatch):
+    library, motions, _ = made_library
+    made, target = [], np.array([np.nan, 1.0, 0.5])
+    blend_of = EffortLibrary.blend
+    monkeypatch.setattr(EffortLibrary, 'blend', lambda self, blend: made.append(blend) or blend_of(self, blend))
+    blend, effort, _ = choose_blend(library, 2, target)
+    assert len(set(made)) == len(made) == 12
+    efforts = [library.computed_effort(blend_of(library, one), library.groups[2]) for one in made]
+    nearest = int(np.argmin([np.nansum((one - target)**2) for one in efforts]))
+    assert blend == made[nearest]
+    np.testing.assert_array_equal(effort, efforts[nearest])
+    made.clear()
+    result = restyle(library, motions[2], target)
+    assert len(made) == 12 * len(result.choices)
 
 
 def test_restyling_moves_effort_towards_what_was_asked(made_library):

@@ -71,6 +71,8 @@ def choose_blend(library, fragment, target, neighbours=6, verify=None):
     blend : Blend
     effort : ndarray, shape (3,)
         Predicted by the regression, or measured where verified.
+    poses : Poses
+        Of the blend.
     """
     verify = library.labeller == COMPUTED if verify is None else verify
     near = library.neighbours(fragment, neighbours)
@@ -78,7 +80,7 @@ def choose_blend(library, fragment, target, neighbours=6, verify=None):
     pairs = np.array([(i, j) for i in near for j in near
                       if i != j and max(lengths[[i, j]]) <= 3 * min(lengths[[i, j]])])
     if not len(pairs):  # nothing to blend with: the fragment as it is
-        return Blend(fragment, fragment, 0.0), library.efforts[fragment]
+        return Blend(fragment, fragment, 0.0), library.efforts[fragment], library.fragments[fragment]
     counted = ~np.isnan(target)
 
     def miss(rows, alphas):
@@ -102,13 +104,14 @@ def choose_blend(library, fragment, target, neighbours=6, verify=None):
     alphas, misses = np.where(refined <= at_sample, alphas, best), np.minimum(refined, at_sample)
     order = np.argsort(misses, kind='stable')[:_VERIFIED if verify else 1]
     ranked = [Blend(int(pairs[row, 0]), int(pairs[row, 1]), float(alphas[row])) for row in order]
+    made = [library.blend(blend) for blend in ranked]
     if verify:
         group = library.groups[fragment]
-        measured = np.stack([library.computed_effort(library.blend(blend), group) for blend in ranked])
-        winner = int(np.argmin(np.sum((measured - target)[:, counted]**2, axis=1)))
-        return ranked[winner], measured[winner]
-    first, second, alpha = ranked[0]
-    return ranked[0], library.predicted_efforts([first], [second], [alpha])[0]
+        efforts = np.stack([library.computed_effort(poses, group) for poses in made])
+    else:
+        efforts = library.predicted_efforts(*map(list, zip(*ranked)))
+    winner = int(np.argmin(np.sum((efforts - target)[:, counted]**2, axis=1)))
+    return ranked[winner], efforts[winner], made[winner]
 
 
 class LiveRestyler:
@@ -155,13 +158,13 @@ class LiveRestyler:
     def _restyled(self, segments):
         parts = []
         for segment in segments:
-            blend, effort = choose_blend(self.library, segment.fragment, self.target, self.neighbours, self.verify)
+            blend, effort, poses = choose_blend(
+                self.library, segment.fragment, self.target, self.neighbours, self.verify)
             self.choices.append(Choice(segment, blend, effort))
-            done = self._joiner.append(self._on_its_way(self.library.blend(blend), segment))
+            done = self._joiner.append(self._on_its_way(poses, segment))
             if done is not None:
                 parts.append(done)
         return parts
-
 
     def _on_its_way(self, poses, segment):
         """Poses that turn as much in all as the input does here: where a motion leads to is content, not style."""
