@@ -27,7 +27,7 @@ def unwrap(angles):
     return result - _turns(result)
 
 
-def continuous_triples(triples, middle):
+def continuous_triples(triples, middle, near=None):
     """Choose among equivalent Euler triples so that the course is continuous.
 
     The rotation of Tait-Bryan angles (a, b, c), b about the second axis of the order, is also that of
@@ -40,11 +40,14 @@ def continuous_triples(triples, middle):
         Rad; frames with a NaN are stepped over and stay.
     middle : {0, 1, 2}
         Which column turns about the second axis of the order.
+    near : array_like, shape (3,), optional
+        Where the course comes from, rad.
 
     Returns
     -------
     ndarray, shape (T, 3)
-        The same rotations, unwrapped; as a whole on the branch with the smaller angles.
+        The same rotations, unwrapped; as a whole on the branch with the smaller angles, or the one that begins nearest
+        to ``near``.
     """
     result = np.array(triples, dtype=np.float64)
     there = ~np.isnan(result).any(axis=1)
@@ -57,7 +60,12 @@ def continuous_triples(triples, middle):
     exchanged = np.concatenate([[False], np.cumsum(change < stay) % 2 == 1])
     branch = unwrap(np.where(exchanged[:, None], other, here))
     opposite = unwrap(_equivalent(branch, middle))
-    result[there] = branch if np.sum(branch**2) <= np.sum(opposite**2) else opposite
+    if near is None:
+        sizes = [np.sum(one**2) for one in (branch, opposite)]
+    else:
+        branch, opposite = (one + 2 * np.pi * np.round((near - one[0]) / (2 * np.pi)) for one in (branch, opposite))
+        sizes = [np.sum((one[0] - near)**2) for one in (branch, opposite)]
+    result[there] = branch if sizes[0] <= sizes[1] else opposite
     return result
 
 

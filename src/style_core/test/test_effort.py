@@ -5,17 +5,18 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import savgol_filter
 
 from style_core.effort import ALPHA_RANGE, LiveRestyler, interpolate_motions, restyle, segment, train_library, warp
 from style_core.effort import load as load_library
 from style_core.effort import save as save_library
 from style_core.effort.content import content_distances, content_groups, content_space, content_threshold
-from style_core.effort.descriptors import effort_scale, raw_descriptors
+from style_core.effort.descriptors import _derivatives, effort_scale, raw_descriptors
 from style_core.effort.interpolation import sample_frames
 from style_core.effort.joins import join
 from style_core.effort.library import Blend, EffortLibrary
 from style_core.effort.pose import Poses, pose_space
-from style_core.effort.regression import METHODS, fit_regression
+from style_core.effort.regression import _ESTIMATORS, METHODS, fit_regression
 from style_core.effort.restyle import choose_blend
 from style_core.effort.segmentation import Segmenter
 from style_core.effort.warping import SLOPE_LIMIT, smooth_warp, squared_distances
@@ -281,6 +282,15 @@ def test_join_of_a_motion_cut_in_two_changes_little():
     np.testing.assert_allclose(cut.joints, whole, atol=0.05 * step)
 
 
+@pytest.mark.parametrize('frames, window', [(7, 7), (8, 7), (60, 9), (61, 19)])
+def test_derivatives_are_those_of_the_savitzky_golay_filter(frames, window):
+    values = np.random.default_rng(0).normal(size=(frames, 3))
+    for order, derivative in enumerate(_derivatives(values, window, 60.0), 1):
+        np.testing.assert_allclose(
+            derivative, savgol_filter(values, window, 5, deriv=order, delta=1 / 60, axis=0),
+            atol=1e-9 * 60.0**order)
+
+
 def test_descriptors_order_motions_as_they_should():
     rate = 120.0
     t = np.arange(0, 2, 1 / rate)[:, None]
@@ -485,6 +495,11 @@ def test_regressions_predict_a_linear_truth(method):
     model, settings = fit_regression(method, z[:60], truth[:60])
     error = np.mean((model.predict(z[60:]) - truth[60:])**2)
     assert error < 0.6 * truth.var()
+    inputs = (z - z[:60].mean(axis=0)) / z[:60].std(axis=0)
+    for column, chosen in enumerate(settings):      # what the library that fits it would say
+        fitted = _ESTIMATORS[method](**chosen).fit(inputs[:60], (truth[:60] - truth[:60].mean(axis=0))[:, [column]])
+        np.testing.assert_allclose(model.predict(z)[:, column],
+                                   fitted.predict(inputs).reshape(-1) + truth[:60, column].mean(), atol=1e-9)
     if method == 'linear-interpolation':
         assert error < 1e-20
     else:

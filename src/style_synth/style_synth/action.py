@@ -110,7 +110,7 @@ class SynthesizeServer:
             source = repertoire.source('random_walk', speed=speed, seed=int(request.seed) % 2**63,
                                        lag=node.stage.settings.lag)
         else:
-            source = repertoire.source('file', speed=speed, loop=False)
+            source = repertoire.source('effort' if 'effort' in repertoire.modes else 'file', speed=speed, loop=False)
         self._dress(source, request.style)
         duration = request.duration or source.remaining
         if not np.isfinite(duration):

@@ -26,7 +26,7 @@ def settings_of(values):
 def options_of(values, mode):
     """What a mode needs to make its source."""
     wanted = {'cycle': ('behaviour', 'speed'), 'follow': ('behaviour',), 'sequence': ('speed',),
-              'random_walk': ('speed', 'seed'), 'file': ('speed', 'loop')}[mode]
+              'random_walk': ('speed', 'seed'), 'effort': ('speed', 'loop'), 'file': ('speed', 'loop')}[mode]
     return {name: values[name] for name in wanted}
 
 
@@ -46,7 +46,7 @@ SYNTHESIZER = ParameterTable((
     Parameter('models_folder', '', 'Folder of models; empty for those that come with the suite', live=False),
     Parameter('robot', '', 'Robot file (joint names, combinations, limits): absolute, or the name of one in '
               'config/robots; empty where the robot has the joints of the model', live=False),
-    Parameter('file', '', 'Motion file to play (AMC, BVH, CSV, NPZ, bag)', live=False),
+    Parameter('file', '', 'Motion file to play or to restyle (AMC, BVH, CSV, NPZ, bag)', live=False),
     Parameter('skeleton', '', 'Skeleton file where the motion file needs one', live=False),
     Parameter('mode', 'cycle', 'What is performed', choices=tuple(MODES)),
     Parameter('behaviour', '', 'Behaviour of a phase-style model; its first where empty, when following the most '
@@ -55,7 +55,8 @@ SYNTHESIZER = ParameterTable((
               "model's mean"),
     Parameter('speed', 1.0, 'How fast; 1 as learned, 0 stands still', lower=0.0, upper=5.0),
     Parameter('seed', 0, 'Of a random walk', lower=0, upper=2**31 - 1),
-    Parameter('loop', True, 'Play the motion file for ever, cut at its best matching poses'),
+    Parameter('loop', True, 'Play the motion file for ever, cut at its best matching poses (restyled: from end to '
+              'start)'),
     Parameter('rate', 50.0, 'Windows a second; when following, every estimate is answered at once', unit='Hz',
               lower=1.0, upper=500.0, live=False),
     Parameter('horizon', 0.4, 'How far a window reaches', unit='s', lower=0.01, upper=10.0, live=False),

@@ -6,6 +6,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 
 from style_core.effort.interpolation import sample_frames
+from style_core.effort.pose import pose_space
 from style_core.effort.warping import warp
 from style_core.errors import MotionError
 from style_core.style_machine.preprocessing import pose_weights
@@ -30,7 +31,7 @@ def joint_scale(motions, skeleton):
     ndarray, shape (D,)
         m/rad. The angles of a ball joint share their mean: its exponential map has other axes than its Euler angles.
     """
-    names = [name for name in motions[0].joint_names if not name.startswith('root.')]
+    names = pose_space(motions[0].joint_names).joint_names
     weights = pose_weights([motion.joints(names) for motion in motions], skeleton)
     joints = [name.rpartition('.')[0] or name for name in names]
     return np.array([np.mean([w for w, other in zip(weights, joints) if other == joint]) for joint in joints])

@@ -8,8 +8,11 @@ acceleration, Flow from jerk. Plain jerk says nearly the same as acceleration, s
 Behavior 2009): how unevenly a path is gone, not how fast. They are descriptors, not a movement analyst's judgement, and
 are called computed wherever they appear.
 """
+from functools import cache
+
 import numpy as np
-from scipy.signal import savgol_filter
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.signal import savgol_coeffs
 
 from style_core.errors import MotionError
 
@@ -51,8 +54,7 @@ def raw_descriptors(joints, rate_hz, scale=None):
     if frames < window:
         raise MotionError(f'effort needs at least {window} frames at {rate_hz:g} Hz, got {frames}')
     values = joints if scale is None else joints * scale
-    velocity, acceleration, jerk = (
-        savgol_filter(values, window, 5, deriv=order, delta=1.0 / rate_hz, axis=0) for order in (1, 2, 3))
+    velocity, acceleration, jerk = _derivatives(values, window, rate_hz)
     speed = np.sum(velocity**2, axis=1)
     peak = speed.max()
     if not peak > 1e-12:
@@ -60,6 +62,22 @@ def raw_descriptors(joints, rate_hz, scale=None):
     duration = (frames - 1) / rate_hz
     roughness = np.sum(jerk**2, axis=1).mean() * duration**4 / peak
     return np.log([roughness, 0.5 * peak, np.linalg.norm(acceleration, axis=1).mean()])
+
+
+@cache
+def _filters(window):
+    """Savitzky-Golay filters of fifth degree: (3, window, window), derivatives 1 to 3 at each place in the window."""
+    return np.stack([[savgol_coeffs(window, 5, deriv=order, pos=place, use='dot') for place in range(window)]
+                     for order in (1, 2, 3)])
+
+
+def _derivatives(values, window, rate_hz):
+    """First three derivatives (3, T, D) of values (T, D); near the ends those of the outermost window's polynomial."""
+    filters, half = _filters(window), window // 2
+    inner = sliding_window_view(values, window, axis=0) @ filters[:, half].T        # (T - window + 1, D, 3)
+    every = np.concatenate([filters[:, :half] @ values[:window], np.moveaxis(inner, 2, 0),
+                            filters[:, half + 1:] @ values[-window:]], axis=1)
+    return every * rate_hz ** np.arange(1, 4)[:, None, None]
 
 
 class EffortScale:

@@ -84,12 +84,13 @@ class PoseSpace:
         rate_hz : float
         name : str, optional
         reference : ndarray, shape (D,), optional
-            Angles near which the first frame's equivalent Euler triples are chosen.
+            Joint angles that the first frame follows: of equivalent Euler triples the nearest are taken.
         """
         positions = poses.joints.copy()
         for triple in self.triples:
             columns = list(triple)
-            angles = continuous_triples(_euler(rotation_from_expmap(poses.joints[:, columns])), 1)
+            near = None if reference is None else reference[columns]
+            angles = continuous_triples(_euler(rotation_from_expmap(poses.joints[:, columns])), 1, near)
             positions[:, columns] = angles
         names, units = self.joint_names, ('rad',) * len(self.joint_names)
         if poses.root is not None:

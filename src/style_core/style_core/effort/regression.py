@@ -2,6 +2,7 @@
 import itertools
 
 import numpy as np
+from scipy.spatial.distance import cdist
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.linear_model import Ridge
 from sklearn.multioutput import MultiOutputRegressor
@@ -55,15 +56,32 @@ class LinearInterpolation:
 
 
 class _PerEffort:
-    """One single-output model an effort factor, on standardised inputs and around the mean effort."""
+    """One function an effort factor, on standardised inputs and around the mean effort."""
 
-    def __init__(self, models, centre, spread, mean):
-        self.models = models
+    def __init__(self, functions, centre, spread, mean):
+        self.functions = functions
         self.centre, self.spread, self.mean = centre, spread, mean
 
     def predict(self, z):
         inputs = (z - self.centre) / self.spread
-        return np.column_stack([model.predict(inputs) for model in self.models]) + self.mean
+        return np.column_stack([function(inputs) for function in self.functions]) + self.mean
+
+
+def _function_of(model):
+    """The function (M, P) -> (M,) that an estimator fitted to one effort is.
+
+    A choice asks for thirty values at a time and forty times over; scikit-learn's checks of its input would take most
+    of the time.
+    """
+    if isinstance(model, Ridge):
+        return lambda inputs: inputs @ model.coef_.reshape(-1) + model.intercept_
+    if isinstance(model, KernelRidge):
+        support, weights, gamma, offset = model.X_fit_, model.dual_coef_.reshape(-1), model.gamma, 0.0
+    else:
+        (machine,) = model.estimators_
+        support, weights, gamma, offset = machine.support_vectors_, machine.dual_coef_[0], machine.gamma, \
+            machine.intercept_[0]
+    return lambda inputs: np.exp(-gamma * cdist(inputs, support, 'sqeuclidean')) @ weights + offset
 
 
 def fit_regression(method, z, efforts, settings=None, seed=0):
@@ -109,7 +127,8 @@ def fit_regression(method, z, efforts, settings=None, seed=0):
         settings = _chosen(method, inputs, targets, seed)
     models = [_ESTIMATORS[method](**chosen).fit(inputs, targets[:, [effort]])
               for effort, chosen in enumerate(settings)]
-    return _PerEffort(models, centre, spread, mean), [dict(chosen) for chosen in settings]
+    return _PerEffort([_function_of(model) for model in models], centre, spread, mean), \
+        [dict(chosen) for chosen in settings]
 
 
 def _chosen(method, inputs, targets, seed):

@@ -94,10 +94,16 @@ def choose_blend(library, fragment, target, neighbours=6, verify=None):
     step = grid[1] - grid[0]
     low, high = np.maximum(best - step, ALPHA_RANGE[0]), np.minimum(best + step, ALPHA_RANGE[1])
     every = np.arange(len(pairs))
+    left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    at_left, at_right = miss(every, left), miss(every, right)
     for _ in range(_GOLDEN_STEPS):
-        left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-        inner = miss(every, left) < miss(every, right)
-        high, low = np.where(inner, right, high), np.where(inner, low, left)
+        inner = at_left < at_right      # the section that holds the least keeps one of its two points
+        low, high = np.where(inner, low, left), np.where(inner, right, high)
+        new = np.where(inner, high - _GOLDEN * (high - low), low + _GOLDEN * (high - low))
+        at_new = miss(every, new)
+        left, at_left, right, at_right = (
+            np.where(inner, new, right), np.where(inner, at_new, at_right),
+            np.where(inner, left, new), np.where(inner, at_left, at_new))
     alphas = 0.5 * (low + high)
     # a sample at the very end of the range may beat what the search converged to
     refined, at_sample = miss(every, alphas), sampled.min(axis=1)

@@ -6,6 +6,7 @@ from typing import Mapping, Optional, Tuple
 import numpy as np
 
 from style_core import phase_style, style_machine
+from style_core.angles import continuous
 from style_core.errors import ModelError, UsageError
 from style_core.formats import read_motion
 from style_core.model_file import read_header
@@ -16,10 +17,12 @@ from style_core.synthesis.recorded import MotionFileSource
 
 __all__ = ['MODES', 'FollowSettings', 'Repertoire', 'Score', 'load_repertoire', 'list_models']
 
+_EFFORT = 'effort'      # its package comes with a library that takes seconds to load: imported where there is one
 #: how a source may be chosen -> the kind of model it needs
 MODES = {'cycle': phase_style.KIND, 'follow': phase_style.KIND, 'sequence': style_machine.KIND,
-         'random_walk': style_machine.KIND, 'file': None}
-_KINDS = (phase_style.KIND, style_machine.KIND)
+         'random_walk': style_machine.KIND, 'effort': _EFFORT, 'file': None}
+_WITH_RECORDING = ('effort', 'file')
+_KINDS = (phase_style.KIND, style_machine.KIND, _EFFORT)
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,7 @@ class Repertoire:
         Of a phase-style model.
     machine : StyleMachine or None
     recording : Motion or None
+    library : EffortLibrary or None
     """
 
     name: str
@@ -71,12 +75,13 @@ class Repertoire:
     behaviours: Mapping[str, object]
     machine: Optional[object] = None
     recording: Optional[object] = None
+    library: Optional[object] = None
 
     @property
     def modes(self):
         """Modes it can serve."""
         return tuple(mode for mode, kind in MODES.items()
-                     if (kind is None and self.recording is not None) or (kind is not None and kind == self.kind))
+                     if kind in (None, self.kind) and (self.recording is not None or mode not in _WITH_RECORDING))
 
     def source(self, mode, *, behaviour='', speed=1.0, seed=0, score=None, lag=20, loop=True, phase=0.0,
                follow=None):
@@ -96,7 +101,7 @@ class Repertoire:
         lag : int
             See `MachineSource`.
         loop : bool
-            For ``file``.
+            For ``file`` and ``effort``.
         phase : float
             Where a cycle starts.
         follow : FollowSettings, optional
@@ -109,11 +114,15 @@ class Repertoire:
         if mode not in MODES:
             raise UsageError(f'the mode must be one of {", ".join(MODES)}, not {mode!r}')
         if mode not in self.modes:
-            needed = f'a {MODES[mode]} model' if MODES[mode] else 'a motion file'
+            needed = [f'a model of kind {MODES[mode]}'] if MODES[mode] else []
+            needed = ' and '.join(needed + ['a motion file'] * (mode in _WITH_RECORDING))
             raise UsageError(f'mode {mode} needs {needed}'
                              + (f'; {self.name} is a {self.kind} model' if self.kind else ''))
         if mode == 'file':
             return MotionFileSource(self.recording, loop, speed)
+        if mode == 'effort':
+            from style_core.synthesis.restyled import RestyledSource
+            return RestyledSource(self.library, continuous(self.recording), loop, speed)
         if mode == 'random_walk':
             return MachineSource(self.machine, visits=style_machine.random_walk(self.machine, seed=seed), speed=speed,
                                  lag=lag)
@@ -160,7 +169,13 @@ def load_repertoire(model='', file='', skeleton='', rate_hz=0.0):
     if kind == style_machine.KIND:
         machine = style_machine.load(model)
         return Repertoire(name, kind, tuple(machine.joint_names), {}, machine, recording)
-    raise ModelError(f'{model} holds a {kind} model; the synthesizer performs {" and ".join(_KINDS)} models')
+    if kind == _EFFORT:
+        if recording is None:
+            raise UsageError(f'{model} is a library for restyling: give a motion file too')
+        from style_core import effort
+        library = effort.load(model)
+        return Repertoire(name, kind, library.space.joint_names, {}, None, recording, library)
+    raise ModelError(f'{model} holds a {kind} model; the synthesizer performs {", ".join(_KINDS)} models')
 
 
 def list_models(folder):
