@@ -4,7 +4,6 @@ import argparse
 import hashlib
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -24,7 +23,6 @@ from style_core.baselines import (
 )
 from style_core.evaluation import FRAMES_AHEAD, paper_horizons, roll_out
 from style_core.report import Report
-from style_core.stacking import Stacked, stacking_weights
 
 SEED = 20120
 #: Files of style_core.phase_style that a trained model depends on.
@@ -38,6 +36,10 @@ LEARNING = (
     'model.py',
     'kernel.pyx',
 )
+#: Files beside that folder, and those that the weights of histories depend on as well.
+SHARED = ('alignment.py',)
+CORRECTING = ('histories.py', 'history_search.pyx', 'phase_style/corrected.py', 'phase_style/predictor.py',
+              'phase_style/search.py', 'phase_style/online.py')
 ROOT = Path(__file__).resolve().parents[2]
 OUTPUT = ROOT / 'docs' / 'results' / 'prediction'
 MODELS = ROOT / '.cache' / 'bench_models'
@@ -115,17 +117,27 @@ def trained(motions, name, joints, rhythmic=True):
     from style_core import phase_style
     from style_core.phase_style.training import train
 
-    digest = hashlib.sha256(f'{name} {rhythmic} {sorted(joints)}'.encode())
-    package = Path(phase_style.__file__).parent
-    for path in [package.parent / 'alignment.py', *(package / file for file in LEARNING)]:
-        digest.update(path.read_bytes())
-    for motion in motions:
-        digest.update(motion.name.encode() + motion.positions.tobytes())
-    path = MODELS / f'{digest.hexdigest()[:24]}.npz'
+    path = kept_model('model', motions, name, rhythmic, sorted(joints))
     if not path.is_file():
-        MODELS.mkdir(parents=True, exist_ok=True)
         phase_style.save_behaviours(path, [train(motions, name=name, rhythmic=rhythmic, joints=joints)])
     return phase_style.load_behaviours(path)
+
+
+def kept_model(what, motions, *settings):
+    """File of a model under a hash of the code that learns it, the recordings and the settings."""
+    from style_core import phase_style
+
+    digest = hashlib.sha256(f'{what} {settings}'.encode())
+    package = Path(phase_style.__file__).parent
+    for path in [*(package.parent / file for file in SHARED), *(package / file for file in LEARNING)]:
+        digest.update(path.read_bytes())
+    if what == 'histories':
+        for file in CORRECTING:
+            digest.update((package.parent / file).read_bytes())
+    for motion in motions:
+        digest.update(motion.name.encode() + motion.positions.tobytes())
+    MODELS.mkdir(parents=True, exist_ok=True)
+    return MODELS / f'{digest.hexdigest()[:24]}.npz'
 
 
 def smoothed(behaviours, motion, observed=None):
@@ -166,39 +178,25 @@ def full_predictor(training, channels=50, **options):
 
 
 @cache
-def stack(training, channels=50):
-    """Weights of nearest histories beside the full filter (see `style_core.stacking`), from the training set alone.
+def correction(training, channels=50):
+    """Histories of the trials ``training`` and their weights, learned on people left out of the training set.
 
-    People are left out in turn (recordings, where there are fewer than four people, as the filter's own training does);
-    bases and histories come from the others, the residual model is that of the whole training set.
+    Kept on disk like the models (see `trained`).
     """
-    from style_core.phase_style import make_predictor
-    from style_core.phase_style.residual import FEWEST_PEOPLE
+    from style_core.phase_style import learn_correction, load_parts, save_behaviours
+    from style_core.phase_style.training import to_sequence
 
-    (full,) = full_model(training, channels)
-    people = [name.split('_')[0] for name in training]
-    labels = people if len(set(people)) >= FEWEST_PEOPLE else training
-    horizons = paper_horizons()
-    first, second = [], []
-    for left_out in sorted(set(labels)):
-        rest = tuple(name for name, label in zip(training, labels) if label != left_out)
-        bases = behaviour(rest, channels, min(full.style_dimension, len(rest)))
-        one = make_predictor(
-            [replace(bases, residual=full.residual, acceleration=full.acceleration, velocity=full.velocity)], 'full'
-        )
-        two = NearestHistories(recordings(rest, channels))
-        for name in (name for name, label in zip(training, labels) if label == left_out):
-            for predictor_, errors in ((one, first), (two, second)):
-                rollout = roll_out(predictor_, recording(name, channels), horizons)
-                errors.append((rollout.mean - rollout.actual)[rollout.complete])
-    return (horizons, *stacking_weights(first, second, people))
+    motions, behaviours = recordings(training, channels), full_model(training, channels)
+    path = kept_model('histories', motions, channels)
+    if not path.is_file():
+        sequences = [to_sequence(motion, behaviours[0].joint_names) for motion in motions]
+        save_behaviours(path, behaviours, correction=learn_correction(behaviours, [sequences]))
+    return load_parts(path)[1]
 
 
-def stacked_predictor(training, channels=50):
-    """The full filter and nearest histories, stacked."""
-    return Stacked(
-        full_predictor(training, channels), NearestHistories(recordings(training, channels)), *stack(training, channels)
-    )
+def corrected_predictor(training, channels=50):
+    """The full filter with nearest histories, as a model trained with ``--histories`` gives."""
+    return full_predictor(training, channels, correction=correction(training, channels))
 
 
 def paper_predictor(training, channels=50, dimension=4):
@@ -233,7 +231,7 @@ METHODS = {
     },
     'known phase, J = 4': lambda training, test, channels: known_phase(training, test, channels),
     'ours': lambda training, test, channels: full_predictor(training, channels),
-    'ours + nearest histories': lambda training, test, channels: stacked_predictor(training, channels),
+    'ours + nearest histories': lambda training, test, channels: corrected_predictor(training, channels),
 }
 
 

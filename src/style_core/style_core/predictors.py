@@ -5,6 +5,7 @@ from typing import Mapping
 from style_core import phase_style
 from style_core.errors import ModelError, UsageError
 from style_core.model_file import read_header
+from style_core.phase_style.full import PARTS
 from style_core.predictor import OnlinePredictor
 
 __all__ = ['FilePredictor', 'read_predictor']
@@ -31,7 +32,7 @@ class FilePredictor:
     rate_hz: float
 
 
-def read_predictor(path, method=phase_style.METHODS[0]):
+def read_predictor(path, method=phase_style.METHODS[0], without=()):
     """Read a model file and make its on-line predictor.
 
     Parameters
@@ -40,6 +41,9 @@ def read_predictor(path, method=phase_style.METHODS[0]):
         A phase-style, locomotion or style-machine model.
     method : {'full', 'paper'}
         Of a phase-style model (`style_core.phase_style.make_predictor`); the others have one method, 'full'.
+    without : collection of str
+        Parts of the full filter to leave out (`style_core.phase_style.full.PARTS`), or ``'histories'``, the recorded
+        motion that a phase-style model may hold.
 
     Returns
     -------
@@ -57,22 +61,28 @@ def read_predictor(path, method=phase_style.METHODS[0]):
         raise ModelError(f'{path} holds a {kind} model, which cannot predict; {", ".join(_READERS)} can')
     if kind != phase_style.KIND and method != phase_style.METHODS[0]:
         raise UsageError(f'method {method!r} is for phase-style models; {path} holds a {kind} model')
-    return _READERS[kind](path, method)
+    unknown = set(without) - {*PARTS, 'histories'}
+    if unknown:
+        raise UsageError(f'{", ".join(sorted(unknown))}: no part to leave out; there are {", ".join(PARTS)}, histories')
+    if set(without) - {'histories'} and (kind != phase_style.KIND or method != phase_style.METHODS[0]):
+        raise UsageError('parts can be left out of the full filter of a phase-style model only')
+    return _READERS[kind](path, method, without)
 
 
-def _phase_style(path, method):
-    behaviours = phase_style.load_behaviours(path)
-    return FilePredictor(phase_style.KIND, phase_style.make_predictor(behaviours, method),
+def _phase_style(path, method, without):
+    behaviours, correction = phase_style.load_parts(path)
+    options = {'without': without, 'correction': correction} if method == phase_style.METHODS[0] else {}
+    return FilePredictor(phase_style.KIND, phase_style.make_predictor(behaviours, method, **options),
                          {one.name: one.rhythmic for one in behaviours}, behaviours[0].rate_hz)
 
 
-def _locomotion(path, method):
+def _locomotion(path, method, without):
     from style_core.locomotion import KIND, LocomotionPredictor, load
     model = load(path)
     return FilePredictor(KIND, LocomotionPredictor(model), dict.fromkeys(model.style_names, True), model.rate_hz)
 
 
-def _style_machine(path, method):
+def _style_machine(path, method, without):
     from style_core.style_machine import KIND, load
     from style_core.style_machine.online import StyleMachinePredictor
     machine = load(path)

@@ -45,6 +45,8 @@ PREDICTOR = ParameterTable((
     Parameter('model', '', 'Model file: absolute, or relative to models_folder', live=False),
     Parameter('models_folder', '', 'Folder of models; empty for those that come with the suite', live=False),
     Parameter('method', METHODS[0], 'Filter: the full one, or the published method alone', choices=METHODS, live=False),
+    Parameter('histories', True, 'Lean on the recorded motion that a model trained with --histories holds; the full '
+              'filter alone where false', live=False),
     Parameter('joint_map', '', 'YAML file of robot joint names, signs, offsets, scales and limits; empty where the '
               'robot\'s joints are named and counted as the model\'s', live=False),
     Parameter('masked_joints', (), 'Robot joints not to use from the start (names or patterns)', live=False),

@@ -111,7 +111,7 @@ class PredictorNode(SoundLifecycleNode):
 
     def _build(self, path, horizons):
         """Model, stream and writers, all warm."""
-        live = load_live(self._model_path(path), self._values['method'], horizons)
+        live = load_live(self._model_path(path), self._values['method'], horizons, self._values['histories'])
         joint_map = read_joint_map(self._values['joint_map']) if self._values['joint_map'] else identity_map()
         stream = PredictorStream(live.predictor, joint_map.bind(live.predictor.joint_names), settings_of(self._values))
         return live, stream, Writers(live, stream, horizons)

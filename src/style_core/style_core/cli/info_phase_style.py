@@ -1,7 +1,7 @@
 """What a phase-style model holds."""
 import numpy as np
 
-from style_core.phase_style.model import restore_behaviours
+from style_core.phase_style.model import restore_behaviours, restore_correction
 
 __all__ = ['describe']
 
@@ -20,4 +20,13 @@ def describe(header, arrays):
             'training residual_deg': float(np.degrees(np.sqrt(one.noise.mean()))),
             'methods': 'paper' if one.residual is None else 'full, paper'})
         channels.append({'behaviour': one.name, 'singular values': [float(v) for v in one.singular_values[:10]]})
-    return {'behaviours': rows, 'spectrum': channels}
+    facts = {'behaviours': rows, 'spectrum': channels}
+    correction = restore_correction(header, arrays, 'this file')
+    if correction is not None:
+        facts['histories'] = {
+            'note': 'this file holds recorded motion of people: share it only where the recordings may be shared',
+            'recordings': list(correction.histories.names), 'rate_hz': correction.histories.rate_hz,
+            'duration_s': float(len(correction.histories.positions) / correction.histories.rate_hz),
+            'mean weight while tracking': float(correction.weight[0].mean()),
+            'mean weight while searching': float(correction.weight[1].mean())}
+    return facts

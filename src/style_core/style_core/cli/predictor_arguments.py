@@ -6,6 +6,7 @@ from style_core.errors import MotionError, UsageError
 from style_core.formats import read_motion
 from style_core.motion import matching_names
 from style_core.phase_style import METHODS
+from style_core.phase_style.full import PARTS
 from style_core.predictors import read_predictor
 
 __all__ = ['add_reading', 'add_method', 'read', 'predictor_of', 'hide']
@@ -24,6 +25,9 @@ def add_method(parser):
     parser.add_argument('--method', choices=METHODS, default=METHODS[0],
                         help='of a phase-style model: full, the full filter (default); paper, the published method '
                              'with the first behaviour only')
+    parser.add_argument('--without', nargs='+', default=[], choices=(*PARTS, 'histories'), metavar='PART',
+                        help=f'parts of the full filter to leave out: {", ".join(PARTS)}, or histories (the recorded '
+                             'motion that a model trained with --histories holds)')
 
 
 def read(path, args):
@@ -34,7 +38,7 @@ def read(path, args):
 
 def predictor_of(args):
     """Predictor of the model and method that were asked for."""
-    return read_predictor(args.model, args.method).predictor
+    return read_predictor(args.model, args.method, args.without).predictor
 
 
 def hide(motion, names, patterns):

@@ -7,6 +7,10 @@ motion-style train phase-style jump*.amc --discrete -o jump.npz
 motion-style train phase-style --behaviour walk w*.amc --behaviour run r*.amc --discrete-behaviour jump j*.amc -o m.npz
     several behaviours; the predictor weighs them against each other
 
+motion-style train phase-style walk*.amc --histories -o with_recordings.npz
+    also keep the recordings in the model file: predictions then lean on what the nearest recorded motion did next.
+    Such a file holds recorded motion of people: share it only where the recordings may be shared
+
 Recordings may be of any known format, with their own rates. A recording is one style; recordings of one person
 should share the part of the file name before the first "_" or "-" (35_01, 35_02), because the uncertainty about a
 new person is learned by leaving one person out after the other.
@@ -18,8 +22,8 @@ from tqdm import tqdm
 from style_core.angles import continuous
 from style_core.errors import UsageError
 from style_core.formats import read_motion
-from style_core.phase_style import save_behaviours
-from style_core.phase_style.training import RATE_HZ, common_joints, train
+from style_core.phase_style import learn_correction, save_behaviours
+from style_core.phase_style.training import RATE_HZ, common_joints, to_sequence, train
 
 __all__ = ['add_arguments', 'run']
 
@@ -41,6 +45,8 @@ def add_arguments(parser, argv):
                         help='dimension of the style (default: chosen from the singular values)')
     parser.add_argument('--rate', type=float, default=RATE_HZ, metavar='HZ',
                         help=f'rate to learn at (default: {RATE_HZ:g}; the predictor takes any rate)')
+    parser.add_argument('--histories', action='store_true',
+                        help='keep the recordings in the model file and learn their weight beside the filter')
     parser.add_argument('--aligned-by', metavar='LOCOMOTION.npz',
                         help='take the phases of rhythmic recordings from this locomotion model (which must know '
                              'joints of theirs) instead of their auto-correlation')
@@ -80,8 +86,17 @@ def run(args):
         train([motions[file] for file in files], name, rhythmic, joints, args.styles, args.rate, progress=True,
               phase_of=phase_of if rhythmic else None)
         for (name, *files), rhythmic in tqdm(groups, desc='learning', unit='behaviour', disable=None, leave=False)]
-    save_behaviours(args.output, behaviours, paths)
+    correction = None
+    if args.histories:
+        correction = learn_correction(behaviours, [[to_sequence(motions[file], joints, args.rate) for file in files]
+                                                   for (_, *files), _ in groups], progress=True)
+    save_behaviours(args.output, behaviours, paths, correction)
     for behaviour in behaviours:
         print(f'{behaviour.name}: {len(behaviour.sequences)} recordings, {len(set(behaviour.groups))} people, '
               f'{len(behaviour.joint_names)} joints, {behaviour.style_dimension} styles')
+    if correction is not None:
+        kept = correction.histories
+        print(f'histories: {len(kept.positions)} frames of {len(kept.names)} recordings, weight '
+              '{:.2f} while tracking, {:.2f} while searching'.format(*correction.weight.mean(axis=1)))
+        print('the file holds recorded motion: share it only where the recordings may be shared')
     print(f'wrote {args.output}')

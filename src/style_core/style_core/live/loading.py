@@ -40,7 +40,7 @@ class LiveModel:
         return not self.rhythmic.get(behaviour, True)  # standing still, which the filter adds, has no goal
 
 
-def load_live(path, method, horizons):
+def load_live(path, method, horizons, histories=True):
     """Load a model that predicts and warm it up.
 
     Parameters
@@ -50,6 +50,8 @@ def load_live(path, method, horizons):
         See `style_core.predictors.read_predictor`.
     horizons : ndarray, shape (H,)
         What will be predicted, s.
+    histories : bool
+        Use the recorded motion that a phase-style model may hold.
 
     Raises
     ------
@@ -58,6 +60,6 @@ def load_live(path, method, horizons):
     UsageError
         If its kind has no such method.
     """
-    found = read_predictor(path, method)
+    found = read_predictor(path, method, () if histories else ('histories',))
     warm_up(found.predictor, horizons)
     return LiveModel(Path(path).stem, found.kind, method, found.predictor, found.rhythmic, found.rate_hz)

@@ -1,17 +1,27 @@
 """Phase and style: learning the model of Matsubara et al. (2012), predicting with it and with the full filter."""
 from style_core.errors import UsageError
+from style_core.phase_style.corrected import CorrectedPredictor, learn_correction
 from style_core.phase_style.learning import Sequence, group_of, learn
-from style_core.phase_style.model import KIND, Behaviour, Residual, load_behaviours, save_behaviours
+from style_core.phase_style.model import (
+    KIND,
+    Behaviour,
+    Correction,
+    Residual,
+    load_behaviours,
+    load_parts,
+    save_behaviours,
+)
 from style_core.phase_style.paper import PaperPredictor
 from style_core.phase_style.predictor import FullPredictor
 
-__all__ = ['KIND', 'METHODS', 'Behaviour', 'Residual', 'Sequence', 'FullPredictor', 'PaperPredictor', 'group_of',
-           'learn', 'load_behaviours', 'load_predictor', 'make_predictor', 'save_behaviours']
+__all__ = ['KIND', 'METHODS', 'Behaviour', 'Correction', 'CorrectedPredictor', 'FullPredictor', 'PaperPredictor',
+           'Residual', 'Sequence', 'group_of', 'learn', 'learn_correction', 'load_behaviours', 'load_parts',
+           'load_predictor', 'make_predictor', 'save_behaviours']
 
 METHODS = ('full', 'paper')
 
 
-def make_predictor(behaviours, method='full', **options):
+def make_predictor(behaviours, method='full', correction=None, **options):
     """Make an on-line predictor.
 
     Parameters
@@ -19,6 +29,8 @@ def make_predictor(behaviours, method='full', **options):
     behaviours : list of Behaviour
     method : {'full', 'paper'}
         The full filter over all behaviours, or the published method with the first behaviour.
+    correction : Correction, optional
+        Recorded motion, for the full filter; left out with ``without=['histories']``.
     **options
         Settings of the method (see `FullPredictor` and `PaperPredictor`).
 
@@ -29,7 +41,9 @@ def make_predictor(behaviours, method='full', **options):
     if method not in METHODS:
         raise UsageError(f'method must be one of {", ".join(METHODS)}, got {method!r}')
     if method == 'full':
-        return FullPredictor(behaviours, **options)
+        without = set(options.pop('without', ()))
+        first = FullPredictor(behaviours, without=without - {'histories'}, **options)
+        return first if correction is None or 'histories' in without else CorrectedPredictor(first, correction)
     return PaperPredictor(behaviours[0], **options)
 
 
@@ -41,4 +55,5 @@ def load_predictor(path, method='full', **options):
     ModelError
         If the file is not a readable phase-style model.
     """
-    return make_predictor(load_behaviours(path), method, **options)
+    behaviours, correction = load_parts(path)
+    return make_predictor(behaviours, method, correction, **options)

@@ -6,9 +6,11 @@ import numpy as np
 
 from style_core import model_file
 from style_core.errors import ModelError
+from style_core.histories import Histories
 from style_core.phase_style.gaussian_process import PhaseProcess
 
-__all__ = ['KIND', 'Behaviour', 'Residual', 'save_behaviours', 'load_behaviours', 'restore_behaviours']
+__all__ = ['KIND', 'Behaviour', 'Correction', 'Residual', 'save_behaviours', 'load_behaviours', 'load_parts',
+           'restore_behaviours', 'restore_correction']
 
 KIND = 'phase-style'
 
@@ -105,7 +107,28 @@ class Behaviour:
                 for basis, beta in zip(self.bases, self.beta)]
 
 
-def save_behaviours(path, behaviours, training=()):
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """Recorded motion, and the weight of what it did next beside the filter's prediction.
+
+    Attributes
+    ----------
+    histories : Histories
+    horizons : ndarray, shape (H,)
+        S, increasing.
+    weight : ndarray, shape (2, H)
+        Of the histories, in [0, 1]: while the filter tracks, and while it searches.
+    spread : ndarray, shape (2, H)
+        Factor on the filter's standard deviation.
+    """
+
+    histories: Histories
+    horizons: np.ndarray
+    weight: np.ndarray
+    spread: np.ndarray
+
+
+def save_behaviours(path, behaviours, training=(), correction=None):
     """Write a model file of kind ``'phase-style'``.
 
     Parameters
@@ -115,6 +138,8 @@ def save_behaviours(path, behaviours, training=()):
         All with the same joint names.
     training : iterable of path-like
         Recordings, for the header.
+    correction : Correction, optional
+        Recorded motion to carry along.
     """
     behaviours = list(behaviours)
     _check_family(behaviours)
@@ -135,7 +160,18 @@ def save_behaviours(path, behaviours, training=()):
     header = {'joint_names': list(behaviours[0].joint_names), 'units': ['rad'] * len(behaviours[0].joint_names),
               'rate_hz': behaviours[0].rate_hz, 'behaviours': described,
               'training': model_file.training_files(training)}
+    if correction is not None:
+        if correction.histories.joint_names != behaviours[0].joint_names:
+            raise ModelError('behaviours and histories have different joints')
+        header['histories'] = {'names': list(correction.histories.names), 'rate_hz': correction.histories.rate_hz}
+        for part, names in ((correction.histories, _RECORDED), (correction, _LEARNED)):
+            arrays.update({f'histories.{name}': getattr(part, name) for name in names})
     model_file.save_model(path, KIND, header, arrays)
+
+
+#: Arrays of `Histories` and of `Correction` in a model file.
+_RECORDED = ('lengths', 'ends', 'positions')
+_LEARNED = ('horizons', 'weight', 'spread')
 
 
 def load_behaviours(path):
@@ -151,6 +187,44 @@ def load_behaviours(path):
         If the file is not a readable model of this kind, or its parts do not fit each other.
     """
     return restore_behaviours(*model_file.load_model(path, KIND), path)
+
+
+def load_parts(path):
+    """Read everything a model file holds (see `load_behaviours`).
+
+    Returns
+    -------
+    behaviours : list of Behaviour
+    correction : Correction or None
+        None where the file holds no recorded motion.
+    """
+    header, arrays = model_file.load_model(path, KIND)
+    return restore_behaviours(header, arrays, path), restore_correction(header, arrays, path)
+
+
+def restore_correction(header, arrays, path):
+    """Correction from the contents of a model file, or None; ``path`` is named in errors."""
+    if 'histories' not in header:
+        return None
+    try:
+        about = header['histories']
+        names, joints = tuple(about['names']), tuple(header['joint_names'])
+        parts = {name: arrays[f'histories.{name}'] for name in _RECORDED + _LEARNED}
+        horizons = len(parts['horizons'])
+        wanted = {'lengths': (len(names),), 'ends': (len(names),), 'weight': (2, horizons), 'spread': (2, horizons),
+                  'positions': (int(parts['lengths'].sum()), len(joints)), 'horizons': (horizons,)}
+        for name, shape in wanted.items():
+            if parts[name].shape != shape or not np.all(np.isfinite(parts[name])):
+                raise ValueError(f'{name} of the histories does not fit')
+        if parts['lengths'].min() < 1 or horizons < 1 or not np.all(np.diff(parts['horizons'], prepend=0.0) > 0):
+            raise ValueError('lengths and horizons of the histories must be positive and increase')
+        if not float(about['rate_hz']) > 0:
+            raise ValueError('the rate of the histories must be positive')
+        histories = Histories(joints, float(about['rate_hz']), names, parts['lengths'].astype(np.int32),
+                              parts['ends'].astype(bool), np.ascontiguousarray(parts['positions'], dtype=np.float32))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ModelError(f'{path} holds incomplete histories: {error}') from None
+    return Correction(histories, parts['horizons'], parts['weight'], parts['spread'])
 
 
 def restore_behaviours(header, arrays, path):
