@@ -54,6 +54,14 @@ typedef struct {
     double information, score, squares, logs;
 } paper;
 
+/* Mean motion with variances (nodes + 1, width); the last samples by sample, y and whether seen (samples, width), and
+   how many of them a channel has (count, its inverse or 0). */
+typedef struct {
+    int blocks, width, samples;
+    const double *mean, *posture, *log_posture, *change;   /* inverse variances and log of the first */
+    const double *y, *seen, *any, *over;
+} glance;
+
 #define NAME(x) x##_plain
 #include "blocks_body.h"
 #undef NAME
@@ -90,6 +98,7 @@ static inline void paper_learn(paper *f, const cubic *at) { BEST(paper_learn, f,
 static inline void paper_ahead(const paper *f, const cubic *at, double extra, double phase_variance, double speed,
                                double *mean, double *std, double *velocity)
 { BEST(paper_ahead, f, at, extra, phase_variance, speed, mean, std, velocity); }
+static inline double glance_score(const glance *f, const int *node) { return BEST(glance_score, f, node); }
 static inline void between(double share, const double *a, const double *b, double *out, int n)
 { for (int k = 0; k < n; k++) out[k] = (1 - share) * a[k] + share * b[k]; }
 static inline void stretch(double factor, double *x, int n)

@@ -398,7 +398,7 @@ static void NAME(paper_learn)(paper *f, const cubic *at)
     }
 }
 
-/* Mean, standard deviation and velocity at a time ahead, each (D,). */
+/* Mean, standard deviation and, unless NULL, velocity at a time ahead, each (D,). */
 static void NAME(paper_ahead)(const paper *f, const cubic *at, double extra, double phase_variance, double speed,
                               double *mean, double *std, double *velocity)
 {
@@ -437,8 +437,36 @@ static void NAME(paper_ahead)(const paper *f, const cubic *at, double extra, dou
         }
         NAME(put)(mean + block * LANES, row, left);
         NAME(put)(std + block * LANES, total, left);
-        NAME(put)(velocity + block * LANES, p, left);
+        if (velocity)
+            NAME(put)(velocity + block * LANES, p, left);
     }
+}
+
+/* Minus twice the log likelihood of the last samples at the given nodes, but for a constant. */
+static double NAME(glance_score)(const glance *f, const int *node)
+{
+    const long here = (long)node[f->samples - 1] * f->width;
+    v4 total[2] = {};
+    for (int block = 0; block < f->blocks; block++) {
+        v4 first[2] = {}, second[2] = {};
+        for (int i = 0; i < f->samples; i++) {
+            const v4 *y = CROW(f->y + (long)i * f->width, block), *seen = CROW(f->seen + (long)i * f->width, block);
+            const v4 *mean = CROW(f->mean + (long)node[i] * f->width, block);
+            EACH {
+                v4 error = seen[k] * (y[k] - mean[k]);
+                first[k] += error;
+                second[k] += error * error;
+            }
+        }
+        EACH {
+            v4 average = first[k] * CROW(f->over, block)[k];
+            total[k] += average * average * CROW(f->posture + here, block)[k]
+                + CROW(f->any, block)[k] * CROW(f->log_posture + here, block)[k]
+                + (second[k] - first[k] * average) * CROW(f->change, block)[k];
+        }
+    }
+    total[0] += total[1];
+    return (total[0][0] + total[0][1]) + (total[0][2] + total[0][3]);
 }
 
 #undef EACH

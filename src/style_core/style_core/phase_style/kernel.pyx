@@ -10,7 +10,7 @@ Arrays run over channels in their last axis, so that the inner loops are element
 """
 import numpy as np
 
-from libc.math cimport NAN, cos, exp, floor, log, sin, sqrt
+from libc.math cimport INFINITY, NAN, cos, exp, floor, log, sin, sqrt
 from libc.stdint cimport uintptr_t
 
 cdef extern from "blocks.h":
@@ -55,6 +55,16 @@ cdef extern from "blocks.h":
         double w[60]
         double spread[3600]
         double information, score, squares, logs
+    ctypedef struct glance:
+        int blocks, width, samples
+        const double *mean
+        const double *posture
+        const double *log_posture
+        const double *change
+        const double *y
+        const double *seen
+        const double *any
+        const double *over
     void arrow_sense(arrow*, int) noexcept nogil
     void arrow_settle(arrow*) noexcept nogil
     void arrow_mean(const arrow*, const horizon*, double*, double*, double*) noexcept nogil
@@ -62,6 +72,7 @@ cdef extern from "blocks.h":
     void paper_sense(paper*, const cubic*, double, const double*, const unsigned char*) noexcept nogil
     void paper_learn(paper*, const cubic*) noexcept nogil
     void paper_ahead(const paper*, const cubic*, double, double, double, double*, double*, double*) noexcept nogil
+    double glance_score(const glance*, const int*) noexcept nogil
     void between(double, const double*, const double*, double*, int) noexcept nogil
     void stretch(double, double*, int) noexcept nogil
 
@@ -132,6 +143,13 @@ cdef double[::1] aligned(long count):
 
 cdef double total_of(const double* four) noexcept nogil:
     return (four[0] + four[1]) + (four[2] + four[3])
+
+
+cdef int check(const double[::1] horizons) except -1:
+    for h in range(horizons.shape[0]):
+        if not horizons[h] >= 0:
+            raise ValueError('horizons must be a one-dimensional array of times >= 0')
+    return 0
 
 
 cdef class Table:
@@ -288,13 +306,6 @@ cdef class PaperFilter:
     def style(self):
         return np.array(<double[:self.count]>self.f.w)
 
-    @property
-    def style_covariance(self):
-        """Covariance of the weighted least-squares style, shape (J, J); infinite before the first update."""
-        if self.learning_rate == 0:
-            return np.full((self.count, self.count), np.inf)
-        return 0.5 * (np.asarray(self.spread) + np.asarray(self.spread).T)
-
     def update(self, const double[::1] y, const unsigned char[::1] observed, double dt, bint learn=True):
         """E-step (A.1)-(A.6) with the rows of missing channels left out, then on-line M-step (A.10)-(A.13).
 
@@ -401,27 +412,56 @@ cdef class PaperFilter:
         mean, std, velocity : ndarray, shape (H, D)
             Filled in.
         """
-        cdef int h, i, j, J = self.count
-        cdef double ahead, phase, speed, phase_variance
+        cdef int h
+        check(horizons)
+        self._pair_spread()
+        for h in range(horizons.shape[0]):
+            self._ahead(horizons[h], &mean[h, 0], &std[h, 0], &velocity[h, 0])
+
+    def ahead(self, const double[::1] horizons):
+        """`predict` into new arrays: mean, std and velocity."""
+        out = np.empty((3, horizons.shape[0], self.channels))
+        mean, std, velocity = out
+        self.predict(horizons, mean, std, velocity)
+        return mean, std, velocity
+
+    def describe(self):
+        """Covariance of phase and velocity (2, 2), style (J,), its covariance (J, J), filtered pose and its standard
+        deviation, each (D,)."""
+        cdef int i, j
+        phases, styles, pose, spread = np.empty((2, 2)), np.empty(self.count), np.empty(self.channels), \
+            np.empty(self.channels)
+        covariance = np.empty((self.count, self.count))
+        cdef double[:, ::1] phase = phases, style_covariance = covariance
+        cdef double[::1] style = styles, mean = pose, std = spread
+        phase[0, 0], phase[0, 1], phase[1, 0], phase[1, 1] = self.p00, self.p01, self.p01, self.p11
+        for i in range(self.count):
+            style[i] = self.f.w[i]
+            for j in range(self.count):
+                style_covariance[i, j] = INFINITY if self.learning_rate == 0 \
+                    else 0.5 * (self.spread[i, j] + self.spread[j, i])
+        self._pair_spread()
+        self._ahead(0, &mean[0], &std[0], NULL)
+        return phases, styles, covariance, pose, spread
+
+    cdef void _pair_spread(self) noexcept nogil:
+        """Both halves of the style's covariance in the lower one."""
+        cdef int i, j, J = self.count
+        for i in range(J):
+            self.f.spread[i * J + i] = self.spread[i, i]
+            for j in range(i):
+                self.f.spread[i * J + j] = self.spread[i, j] + self.spread[j, i]
+
+    cdef void _ahead(self, double ahead, double* mean, double* std, double* velocity) noexcept nogil:
         cdef cubic at
-        with nogil:
-            for i in range(J):
-                self.f.spread[i * J + i] = self.spread[i, i]
-                for j in range(i):
-                    self.f.spread[i * J + j] = self.spread[i, j] + self.spread[j, i]
-            for h in range(horizons.shape[0]):
-                ahead = horizons[h]
-                phase = self.phase + ahead * self.velocity
-                speed = self.velocity
-                if not self.table.rhythmic:
-                    if phase >= 1 or phase <= 0:
-                        phase = 1 if phase >= 1 else 0
-                        speed = 0
-                phase_variance = self.p00 + ahead * (2 * self.p01 + ahead * self.p11) \
-                    + self.acceleration * ahead * ahead * ahead / 3
-                self.table.look_up(phase, &at)
-                paper_ahead(&self.f, &at, self.table.variance(phase, self.f.w), phase_variance, speed,
-                            &mean[h, 0], &std[h, 0], &velocity[h, 0])
+        cdef double phase = self.phase + ahead * self.velocity, speed = self.velocity
+        cdef double phase_variance = self.p00 + ahead * (2 * self.p01 + ahead * self.p11) \
+            + self.acceleration * ahead * ahead * ahead / 3
+        if not self.table.rhythmic and (phase >= 1 or phase <= 0):
+            phase = 1 if phase >= 1 else 0
+            speed = 0
+        self.table.look_up(phase, &at)
+        paper_ahead(&self.f, &at, self.table.variance(phase, self.f.w), phase_variance, speed, mean, std, velocity)
 
 
 cdef class ArrowFilter:
@@ -459,7 +499,7 @@ cdef class ArrowFilter:
     cdef readonly int styles, states, channels, common, harmonics
     cdef double offset_rate, fast_rate, personal_rate, style_rate, acceleration, lowest, highest
     cdef arrow f
-    cdef horizon ahead[9]
+    cdef horizon times[9]
     cdef double[::1] memory, sums, rows
     cdef double[::1] c, age, work
     cdef double[:, ::1] P, precision, matrix, factor
@@ -546,16 +586,41 @@ cdef class ArrowFilter:
         return np.array(self.c)
 
     @property
+    def phase(self):
+        return self.c[0]
+
+    @property
+    def velocity(self):
+        return self.c[1]
+
+    @property
     def covariance(self):
         """Covariance of the common state, shape (2 + J, 2 + J)."""
         return np.array(self.P)
 
-    def describe(self, const double[::1] centre, const double[:, ::1] root):
-        """Phase, velocity, their covariance (2, 2), style (J,) = ``centre + root z`` and its covariance (J, J)."""
+    def describe(self, const double[::1] centre, const double[:, ::1] root, double scale):
+        """What the filter believes now.
+
+        Parameters
+        ----------
+        centre, root : ndarray, shape (J,) and (J, J)
+            The style is ``centre + root z``.
+        scale : float
+            Factor on the pose's standard deviation.
+
+        Returns
+        -------
+        tuple
+            Phase, velocity, their covariance (2, 2), style (J,), its covariance (J, J), pose and its standard
+            deviation, each (D,).
+        """
         cdef int i, j, k, J = self.styles
         cdef double total
-        cdef double[:, ::1] phase = np.empty((2, 2)), covariance = np.empty((J, J))
-        cdef double[::1] style = np.empty(J)
+        phases, styles, covariances = np.empty((2, 2)), np.empty(J), np.empty((J, J))
+        pose, spread = np.empty(self.channels), np.empty(self.channels)
+        cdef double[:, ::1] phase = phases, covariance = covariances
+        cdef double[::1] style = styles, mean = pose, std = spread
+        cdef double* where = &std[0]
         for i in range(2):
             for j in range(2):
                 phase[i, j] = self.P[i, j]
@@ -575,7 +640,13 @@ cdef class ArrowFilter:
                 for k in range(J):
                     total += root[i, k] * self.matrix[k, j]
                 covariance[i, j] = total
-        return self.c[0], self.c[1], phase.base, style.base, covariance.base
+        if not self.rooted and self._root():
+            raise ArithmeticError('what was observed is too far from anything the model can represent')
+        self._ahead(0, self.times)
+        arrow_mean(&self.f, self.times, &mean[0], NULL, &self.rows[0])
+        arrow_spread(&self.f, self.times, 1, &self.rows[0], &where)
+        stretch(scale, where, self.channels)
+        return self.c[0], self.c[1], phases, styles, covariances, pose, spread
 
     @property
     def residuals(self):
@@ -810,24 +881,25 @@ cdef class ArrowFilter:
         cdef double* rows
         if not self.rooted and self._root():
             raise ArithmeticError('what was observed is too far from anything the model can represent')
+        check(horizons)
         for h in range(1, H):
             if horizons[h] < horizons[h - 1]:
                 knots = H
         with nogil:
             k = 0
             for h in range(H):
-                self._ahead(horizons[h], &self.ahead[slot])
+                self._ahead(horizons[h], &self.times[slot])
                 if h == (k * (H - 1) // (knots - 1) if knots > 1 else 0):
                     k += 1
                     rows = &self.rows[slot * size]
                     where[slot] = &std[h, 0]
-                    arrow_mean(&self.f, &self.ahead[slot], &mean[h, 0], &velocity[h, 0], rows)
+                    arrow_mean(&self.f, &self.times[slot], &mean[h, 0], &velocity[h, 0], rows)
                     slot += 1
                     if slot == KNOTS or h == H - 1:
-                        arrow_spread(&self.f, self.ahead, slot, &self.rows[0], where)
+                        arrow_spread(&self.f, self.times, slot, &self.rows[0], where)
                         slot = 0
                 else:
-                    arrow_mean(&self.f, &self.ahead[slot], &mean[h, 0], &velocity[h, 0], NULL)
+                    arrow_mean(&self.f, &self.times[slot], &mean[h, 0], &velocity[h, 0], NULL)
             if knots < H:
                 last = 0
                 for k in range(1, knots):
@@ -839,6 +911,13 @@ cdef class ArrowFilter:
             if scale is not None:
                 for h in range(H):
                     stretch(scale[h], &std[h, 0], self.channels)
+
+    def ahead(self, const double[::1] horizons, const double[::1] scale=None):
+        """`predict` into new arrays: mean, std and velocity."""
+        out = np.empty((3, horizons.shape[0], self.channels))
+        mean, std, velocity = out
+        self.predict(horizons, mean, std, velocity, scale)
+        return mean, std, velocity
 
     cdef int _root(self) noexcept nogil:
         cdef int i, j, m = self.common
@@ -872,10 +951,8 @@ cdef class ArrowFilter:
         x.q_personal, x.wander = 1 - gp * gp, self.acceleration * ahead * ahead * ahead / 3
 
 
-def rank_phases(const double[:, ::1] mean, const double[:, ::1] posture, const double[::1] change,
-                const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back,
-                double velocity, const double[::1] phases, bint rhythmic, double[::1] scores):
-    """Rank phases at a quick glance: how well the mean motion explains the last samples.
+cdef class PhaseRanking:
+    """Rank phases at a quick glance: how well a mean motion explains the last samples.
 
     The deviation from the mean motion is split for every channel into its average over the samples (posture and
     style) and the rest (change), each Gaussian; channels are taken as independent.
@@ -888,47 +965,78 @@ def rank_phases(const double[:, ::1] mean, const double[:, ::1] posture, const d
         Variance of the average deviation.
     change : ndarray, shape (D,)
         Variance of the rest.
-    y : ndarray, shape (S, D)
-        The last samples.
-    observed : ndarray of uint8, shape (S, D)
-    back : ndarray, shape (S,)
-        Time from each sample to the last one, s.
-    velocity : float
-        Assumed phase velocity.
-    phases : ndarray, shape (P,)
-        Assumed phases at the last sample.
     rhythmic : bool
-    scores : ndarray, shape (P,)
-        Filled with log likelihoods.
     """
-    cdef int p, k, d, node, here = 0, samples = y.shape[0], D = y.shape[1], N = mean.shape[0] - 1
-    cdef double phase, error, total
-    cdef double[::1] count = np.zeros(D), first = np.zeros(D), second = np.zeros(D)
-    with nogil:
-        for p in range(phases.shape[0]):
-            for d in range(D):
-                count[d] = 0
-                first[d] = 0
-                second[d] = 0
-            for k in range(samples):
-                phase = phases[p] - velocity * back[k]
-                if rhythmic:
-                    node = <int>(wrapped(phase) * (N / TWO_PI) + 0.5)
-                else:
-                    phase = 0 if phase < 0 else (1 if phase > 1 else phase)
-                    node = <int>(phase * N + 0.5)
-                if k == samples - 1:
-                    here = node
-                for d in range(D):
-                    error = (y[k, d] - mean[node, d]) if observed[k, d] else 0
-                    count[d] += observed[k, d]
-                    first[d] += error
-                    second[d] += error * error
-            total = 0
-            for d in range(D):
-                if count[d] > 0:
-                    error = first[d] / count[d]
-                    total -= 0.5 * (error * error / posture[here, d] + log(posture[here, d])
-                                    + (second[d] - first[d] * error) / change[d]
-                                    + (count[d] - 1) * log(change[d]))
-            scores[p] = total
+
+    cdef int nodes, channels
+    cdef bint rhythmic
+    cdef glance f
+    cdef double[::1] tables, samples, log_change
+
+    def __init__(self, mean, posture, change, bint rhythmic):
+        self.nodes, self.channels, self.rhythmic = mean.shape[0] - 1, mean.shape[1], rhythmic
+        self.f.blocks = (self.channels + LANES - 1) // LANES
+        self.f.width = width = self.f.blocks * LANES
+        size = (self.nodes + 1) * width
+        self.tables = aligned(3 * size + width)
+        for k, values in enumerate([mean, 1 / posture, np.log(posture), 1 / change[None]]):
+            np.asarray(self.tables)[k * size:k * size + len(values) * width].reshape(-1, width)[
+                :, :self.channels] = values
+        self.f.mean, self.f.posture = &self.tables[0], &self.tables[size]
+        self.f.log_posture, self.f.change = &self.tables[2 * size], &self.tables[3 * size]
+        self.log_change = np.log(change)
+        self._make_room(6)
+
+    cdef _make_room(self, int samples):
+        cdef long width = self.f.width
+        self.f.samples = samples
+        self.samples = aligned((2 * samples + 2) * width)
+        self.f.y, self.f.seen = &self.samples[0], &self.samples[samples * width]
+        self.f.any, self.f.over = &self.samples[2 * samples * width], &self.samples[(2 * samples + 1) * width]
+
+    def rank(self, const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back,
+             double velocity, const double[::1] phases, double[::1] scores):
+        """Log likelihoods of phases.
+
+        Parameters
+        ----------
+        y : ndarray, shape (S, D)
+            The last samples, S at most 32.
+        observed : ndarray of uint8, shape (S, D)
+        back : ndarray, shape (S,)
+            Time from each sample to the last one, s.
+        velocity : float
+            Assumed phase velocity.
+        phases : ndarray, shape (P,)
+            Assumed phases at the last sample.
+        scores : ndarray, shape (P,)
+            Filled in.
+        """
+        cdef int p, k, d, samples = y.shape[0]
+        cdef long width = self.f.width
+        cdef double phase, count, constant = 0
+        cdef int node[32]
+        if samples > 32:
+            raise ValueError(f'at most 32 samples, got {samples}')
+        if samples != self.f.samples:
+            self._make_room(samples)
+        with nogil:
+            for d in range(self.channels):
+                count = 0
+                for k in range(samples):
+                    self.samples[k * width + d] = y[k, d] if observed[k, d] else 0
+                    self.samples[(samples + k) * width + d] = 1 if observed[k, d] else 0
+                    count += observed[k, d] != 0
+                self.samples[2 * samples * width + d] = 1 if count else 0
+                self.samples[(2 * samples + 1) * width + d] = 1 / count if count else 0
+                if count:
+                    constant += (count - 1) * self.log_change[d]
+            for p in range(phases.shape[0]):
+                for k in range(samples):
+                    phase = phases[p] - velocity * back[k]
+                    if self.rhythmic:
+                        node[k] = <int>(wrapped(phase) * (self.nodes / TWO_PI) + 0.5)
+                    else:
+                        phase = 0 if phase < 0 else (1 if phase > 1 else phase)
+                        node[k] = <int>(phase * self.nodes + 0.5)
+                scores[p] = -0.5 * (glance_score(&self.f, node) + constant)

@@ -1,56 +1,10 @@
-"""What every on-line predictor here shares: checking observations, time, and the innovation statistic."""
+"""What every on-line predictor here shares: how long a silence may be, and the innovation statistic."""
 import math
 
-import numpy as np
-
-__all__ = ['ObservationGate', 'InnovationMonitor', 'GAP_S']
+__all__ = ['InnovationMonitor', 'GAP_S']
 
 #: After a longer silence what was known about the phase is worth nothing, s: the search starts again.
 GAP_S = 1.0
-
-
-class ObservationGate:
-    """Check one observation after the other against the protocol of `style_core.predictor`."""
-
-    def __init__(self, channels):
-        self._channels = channels
-        self.y = np.zeros(channels)
-        self.observed = np.zeros(channels, dtype=np.uint8)
-        self.time = None
-
-    def reset(self):
-        """Forget the last time stamp."""
-        self.time = None
-
-    def take(self, time, y, mask):
-        """Store an observation in ``y`` and ``observed``; return the time since the last one, s (0 for the first).
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a value is infinite, or time does not increase. Nothing is changed then.
-        """
-        time = float(time)
-        if not math.isfinite(time):
-            raise ValueError(f'time must be finite, got {time}')
-        if self.time is not None and not time > self.time:
-            raise ValueError(f'time must increase: got {time!r} s after {self.time!r} s')
-        y = np.asarray(y, dtype=float)
-        if y.shape != (self._channels,):
-            raise ValueError(f'observation must have shape ({self._channels},), got {y.shape}')
-        seen = np.isfinite(y)
-        if not seen.all() and np.isinf(y).any():
-            raise ValueError('observation holds an infinite value')
-        if mask is not None:
-            mask = np.asarray(mask)
-            if mask.shape != (self._channels,) or mask.dtype != bool:
-                raise ValueError(f'mask must be boolean of shape ({self._channels},), got {mask.dtype} {mask.shape}')
-            seen = seen & mask
-        dt = 0.0 if self.time is None else time - self.time
-        self.time = time
-        self.observed[:] = seen
-        self.y[:] = y
-        return dt
 
 
 class InnovationMonitor:

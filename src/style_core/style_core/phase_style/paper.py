@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from style_core.errors import MotionError
+from style_core.phase_style.gate import ObservationGate
 from style_core.phase_style.kernel import PaperFilter, Table
-from style_core.phase_style.online import GAP_S, InnovationMonitor, ObservationGate
+from style_core.phase_style.online import GAP_S, InnovationMonitor
 from style_core.phase_style.table import tabulate
 from style_core.predictor import Estimate, Prediction, Status
 
@@ -93,11 +94,10 @@ class PaperPredictor:
         lost = self._monitor.add(current.innovation, dt)
         if lost and status is Status.TRACKING:
             status = Status.LOST
-        now = self.predict(np.zeros(1))
+        covariance, style, style_covariance, mean, std = current.describe()
         return Estimate(
-            time=gate.time, phase=current.phase, phase_velocity=current.velocity,
-            phase_covariance=current.covariance, style=current.style, style_covariance=current.style_covariance,
-            mean=now.mean[0], std=now.std[0], observed=gate.observed.astype(bool),
+            time=gate.time, phase=current.phase, phase_velocity=current.velocity, phase_covariance=covariance,
+            style=style, style_covariance=style_covariance, mean=mean, std=std, observed=gate.flags(),
             innovation=current.innovation, log_likelihood=current.log_likelihood, status=status,
             behaviours={self._behaviour.name: 1.0})
 
@@ -115,14 +115,10 @@ class PaperPredictor:
 
     def predict(self, horizons):
         """Predict at ``horizons`` (shape (H,), s after the last update, >= 0)."""
-        horizons = np.ascontiguousarray(horizons, dtype=float)
-        if horizons.ndim != 1 or not np.all(horizons >= 0):
-            raise ValueError('horizons must be a one-dimensional array of times >= 0')
-        shape = (len(horizons), len(self.joint_names))
-        mean, std, velocity = np.empty(shape), np.empty(shape), np.empty(shape)
-        self._filter.predict(horizons, mean, std, velocity)
-        start = 0.0 if self._gate.time is None else self._gate.time
-        return Prediction(start + horizons, mean, std, velocity)
+        horizons = np.array(horizons, dtype=float)
+        mean, std, velocity = self._filter.ahead(horizons)
+        horizons += self._gate.time or 0.0
+        return Prediction(horizons, mean, std, velocity)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,9 @@ import numpy as np
 
 from style_core.errors import ModelError
 from style_core.phase_style.full import PARTS, filter_table, make_filter, still_behaviour, style_prior
+from style_core.phase_style.gate import ObservationGate
 from style_core.phase_style.kernel import Table
-from style_core.phase_style.online import GAP_S, InnovationMonitor, ObservationGate
+from style_core.phase_style.online import GAP_S, InnovationMonitor
 from style_core.phase_style.search import BUDGET, LIVE, Glance, Search
 from style_core.predictor import Estimate, Prediction, Status
 
@@ -57,9 +58,7 @@ class FullPredictor:
         channels = len(self.joint_names)
         self._gate = ObservationGate(channels)
         self._monitor = InnovationMonitor()
-        self._now = tuple(np.empty((1, channels)) for _ in range(3))
-        self._zero = np.zeros(1)
-        self._now_scale = [float(self._scale(index, self._zero)[0]) for index in range(len(behaviours))]
+        self._now_scale = [float(self._scale(index, np.zeros(1))[0]) for index in range(len(behaviours))]
         self.reset()
 
     def reset(self):
@@ -84,9 +83,10 @@ class FullPredictor:
             dt = 0.0
         try:
             self._follow(dt)
+            return self._estimate()
         except ArithmeticError:  # values no body can have: what they did to the filters is of no use
             self._forget()
-        return self._estimate()
+            return self._estimate()
 
     def _follow(self, dt):
         """Update the leader, search, and judge."""
@@ -124,22 +124,18 @@ class FullPredictor:
         return {behaviour.name: weights.get(index, 0.0) for index, behaviour in enumerate(self._behaviours)}
 
     def _estimate(self):
-        gate = self._gate
-        observed = gate.observed.astype(bool)
-        mean, std, velocity = self._now
         leader = self._search.leader
         if leader is None:  # nothing was observed yet
             index, one, innovation, log_likelihood = 0, self._pool[0][0], math.nan, 0.0
         else:
             index, one = leader.behaviour, leader.filter
             innovation, log_likelihood = one.innovation, one.log_likelihood
-        one.predict(self._zero, mean, std, velocity)
-        scale = self._now_scale[index]
-        phase, speed, covariance, style, style_covariance = one.describe(*self._priors[index])
+        phase, speed, covariance, style, style_covariance, mean, std = one.describe(
+            *self._priors[index], self._now_scale[index])
         return Estimate(
-            time=gate.time, phase=phase, phase_velocity=speed, phase_covariance=covariance, style=style,
-            style_covariance=style_covariance, mean=mean[0].copy(), std=std[0] * scale,
-            observed=observed, innovation=innovation, log_likelihood=log_likelihood, status=self._status,
+            time=self._gate.time, phase=phase, phase_velocity=speed, phase_covariance=covariance, style=style,
+            style_covariance=style_covariance, mean=mean, std=std, observed=self._gate.flags(),
+            innovation=innovation, log_likelihood=log_likelihood, status=self._status,
             behaviours=self._probabilities())
 
     def _scale(self, index, horizons):
@@ -150,19 +146,13 @@ class FullPredictor:
 
     def predict(self, horizons):
         """Predict at ``horizons`` (shape (H,), s after the last update, >= 0)."""
-        horizons = np.ascontiguousarray(horizons, dtype=float)
-        if horizons.ndim != 1 or not np.all(horizons >= 0):
-            raise ValueError('horizons must be a one-dimensional array of times >= 0')
-        shape = (len(horizons), len(self.joint_names))
-        mean, std, velocity = np.empty(shape), np.empty(shape), np.empty(shape)
+        horizons = np.array(horizons, dtype=float)
         leader = self._search.leader
         index, one = (0, self._pool[0][0]) if leader is None else (leader.behaviour, leader.filter)
         try:
-            one.predict(horizons, mean, std, velocity)
+            mean, std, velocity = one.ahead(horizons, self._scale(index, horizons))
         except ArithmeticError:
             self._forget()
-            index, one = 0, self._pool[0][0]
-            one.predict(horizons, mean, std, velocity)
-        std *= self._scale(index, horizons)[:, None]
-        start = 0.0 if self._gate.time is None else self._gate.time
-        return Prediction(start + horizons, mean, std, velocity)
+            mean, std, velocity = self._pool[0][0].ahead(horizons, self._scale(0, horizons))
+        horizons += self._gate.time or 0.0
+        return Prediction(horizons, mean, std, velocity)

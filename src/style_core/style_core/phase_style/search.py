@@ -3,7 +3,7 @@ import math
 
 import numpy as np
 
-from style_core.phase_style.kernel import rank_phases
+from style_core.phase_style.kernel import PhaseRanking
 
 __all__ = ['BUDGET', 'LIVE', 'Glance', 'Search', 'Track']
 
@@ -35,15 +35,14 @@ SEARCH_S = 0.4
 
 
 class Glance:
-    """Quick ranking of phases of one behaviour: its mean motion with two variances (see `rank_phases`)."""
+    """Quick ranking of phases of one behaviour: its mean motion with two variances (see `PhaseRanking`)."""
 
     def __init__(self, behaviour, table):
         residual = behaviour.residual
         self.behaviour = behaviour
-        self.mean = np.ascontiguousarray(table.values[:, 0])
-        self.posture = np.ascontiguousarray(
-            np.sum(table.values[:, 1:] ** 2, axis=1) + residual.offset + residual.fast + residual.personal)
-        self.change = residual.fast + residual.noise + 0.5 * residual.personal
+        posture = np.sum(table.values[:, 1:] ** 2, axis=1) + residual.offset + residual.fast + residual.personal
+        change = residual.fast + residual.noise + 0.5 * residual.personal
+        self._ranking = PhaseRanking(table.values[:, 0], posture, change, behaviour.rhythmic)
         mean, spread, low, high = behaviour.velocity
         if high <= 0:
             self.phases, self.speeds, self.width = np.zeros(1), [0.0], 0.1
@@ -57,8 +56,7 @@ class Glance:
 
     def peaks(self, y, observed, back, speed):
         """The best phases at the last sample, each a peak of the score over phase: list of (score, phase)."""
-        rank_phases(self.mean, self.posture, self.change, y, observed, back, speed, self.phases,
-                    self.behaviour.rhythmic, self.scores)
+        self._ranking.rank(y, observed, back, speed, self.phases, self.scores)
         scores = self.scores.tolist()
         last = len(scores) - 1
         if not self.behaviour.rhythmic:  # the ends have one neighbour
@@ -219,12 +217,12 @@ class Search:
         """Does a running hypothesis already stand for this behaviour, phase and speed?"""
         if track.behaviour != index:
             return False
-        state, glance = track.filter.state, self._glances[index]
-        difference = state[0] - phase
+        one, glance = track.filter, self._glances[index]
+        difference = one.phase - phase
         if self._behaviours[index].rhythmic:
             difference = (difference + math.pi) % (2 * math.pi) - math.pi
         return len(glance.phases) == 1 or (
-            abs(difference) < 2 * glance.width and abs(state[1] - speed) < self._behaviours[index].velocity[1])
+            abs(difference) < 2 * glance.width and abs(one.velocity - speed) < self._behaviours[index].velocity[1])
 
     def settle(self, limit):
         """Choose the leader, give up what is far behind; returns True when it is decided and the search is over.
@@ -246,8 +244,7 @@ class Search:
             if track is leader:
                 continue
             ahead = leader.lead(track)
-            state = track.filter.state
-            same = ahead > 0 and self._near(leader, track.behaviour, state[0], state[1])
+            same = ahead > 0 and self._near(leader, track.behaviour, track.filter.phase, track.filter.velocity)
             if track.count >= 3 and (ahead > GIVE_UP or same or (track.count >= PATIENCE and ahead > 0)):
                 self._drop(track)
             else:
