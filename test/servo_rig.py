@@ -26,7 +26,7 @@ from style_servo.states import State
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 # a busy machine can keep the simulator from answering for a while; real servos answer in time
-PATIENT = {'reply_timeout': 0.03, 'watchdog': 0.5, 'error_run': 20}
+PATIENT = {'reply_timeout': 0.03, 'watchdog': 2.0, 'error_run': 50}
 
 
 # nothing that is sent may get lost unseen

@@ -69,6 +69,39 @@ def test_hostile_trajectories_move_nothing_outside_the_limits(rig):
         assert angles.min() >= joint.lower - 1e-9 and angles.max() <= joint.upper + 1e-9
 
 
+@pytest.mark.parametrize('rig', [{'input_timeout': 3.0}], indirect=True, ids=[''])
+def test_a_motion_faster_than_the_joints_is_followed_without_falling_out_of_step(rig):
+    """Twice the speed that the limits allow: clamped, lagging, never HOLDING; then a calm end is reached exactly."""
+    rig.up()
+    chain = rig.chain
+    middle, span = (chain.array('upper') + chain.array('lower')) / 2, chain.array('upper') - chain.array('lower')
+    amplitude = 0.3 * span
+    frequency = 2.0 * chain.array('velocity') / amplitude
+
+    def window():
+        times = np.linspace(0.0, 0.5, 40)
+        angle = frequency * (time.monotonic() + times)[:, None] + np.arange(len(middle))
+        rig.send({'names': list(chain.names), 'times': times, 'positions': middle + amplitude * np.sin(angle),
+                  'velocities': amplitude * frequency * np.cos(angle), 'stamp': 1e-6})      # late messages are no jumps
+    rig.until(lambda: rig.state is State.STREAMING, 20, window)
+    end = time.monotonic() + 3.0
+    rig.until(lambda: time.monotonic() > end, 20, window)
+    rig.until(lambda: any('asks for more' in message.status[0].message for message in rig.diagnostics), 10, window)
+    assert rig.states[-1].clamped > 100
+    rig.send({'names': list(chain.names), 'times': np.array([2.0]), 'positions': middle[None], 'velocities': None,
+              'stamp': 0.0})
+    rig.wait_for(State.READY)
+    assert max(abs(a - b) for a, b in zip(rig.states[-1].commanded, middle)) < 1e-6
+    rig.close()
+    record = judged(rig)
+    assert State.HOLDING not in record.state, rig.log()
+    assert np.ptp(record.command, axis=0).min() > 0.1, np.ptp(record.command, axis=0)
+    # targets before the limiter: never far outside the motion's own range and the posture at the beginning
+    outside = np.maximum(record.target - np.maximum(middle + amplitude, record.command[0]),
+                         np.minimum(middle - amplitude, record.command[0]) - record.target)
+    assert outside.max() < 0.25, outside.max(axis=0)
+
+
 SENDER = """
 import sys, time
 sys.path[:0] = {path!r}

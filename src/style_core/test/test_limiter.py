@@ -162,6 +162,26 @@ def test_bad_input_brakes_and_is_reported():
     assert limiter.stopped and limiter.velocity[0] == 0
 
 
+def test_a_target_that_outruns_the_limits_is_followed_one_that_jumps_is_not():
+    limiter = Limiter([-9.0], [9.0], [1.0], [10.0], [0.5], PERIOD)
+    limiter.reset([0.0])
+    for k in range(300):        # 5 rad/s, five times the limit: 6 rad behind at the end
+        limiter.step(np.array([5 * k * PERIOD]), np.array([5.0]))
+        assert limiter.bands[0] == CLAMP
+    assert limiter.velocity[0] == pytest.approx(1.0)
+    limiter.step(np.array([5 * 300 * PERIOD - 0.6]), np.zeros(1))
+    assert limiter.bands[0] == REJECT
+    limiter.step(np.array([5 * 300 * PERIOD - 0.6]), np.zeros(1))      # no jump any more, but no sooner trusted
+    assert limiter.bands[0] == REJECT
+    limiter.step(limiter.position + 0.4, np.zeros(1))
+    assert limiter.bands[0] == CLAMP
+    for bad in (lambda: limiter.step(np.array([np.nan]), np.zeros(1)), limiter.brake):
+        bad()
+        limiter.step(limiter.position + 0.6, np.zeros(1))
+        assert limiter.bands[0] == REJECT
+        limiter.step(limiter.position.copy(), np.zeros(1))
+
+
 def test_stop_foretells_where_braking_ends():
     rng = np.random.default_rng(3)
     limits = random_limits(rng, 50)

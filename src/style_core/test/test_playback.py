@@ -53,7 +53,9 @@ def test_points_without_velocities_do_not_overshoot():
 def test_a_single_point_in_the_future_is_approached_from_the_current_state():
     track = make_track([2.0], [[1.0, 2.0, 3.0]], start=0.0, now=0.0, current=(np.ones(3), 0.5 * np.ones(3)))
     np.testing.assert_allclose(track.at(0.0)[0], 1.0)
-    np.testing.assert_allclose(track.at(0.0)[1], 0.5)
+    np.testing.assert_allclose(track.at(0.0)[1], [0.0, 0.5, 0.5])       # 0: it would overshoot otherwise
+    path = values(track, np.linspace(0.0, 2.0, 100))[0]
+    assert np.all(np.diff(path, axis=0) >= 0)
     np.testing.assert_allclose(track.at(2.0)[0], [1, 2, 3])
 
 
@@ -140,3 +142,80 @@ def test_windows_of_one_motion_sent_over_and_over_change_nothing():
         if now > 0.4:       # the ramp from standing is over
             worst = max(worst, np.max(np.abs(player.position - motion.at(now)[0])))
     assert worst < 1e-5
+
+
+@given(seed=st.integers(0, 2**32 - 1), speed=st.floats(0.05, 1.0), shortest=st.floats(0.01, 1.0),
+       moving=st.booleans())
+@settings(max_examples=60, deadline=None)
+def test_a_ramp_stays_between_posture_and_motion_and_below_its_stated_speeds(seed, speed, shortest, moving):
+    rng = np.random.default_rng(seed)
+    limit_v, limit_a = rng.uniform(1, 6, 3), rng.uniform(10, 80, 3)
+    times = 5.0 + np.linspace(0, 30, 1500)
+    # a motion within the limits, of three sines
+    frequency = rng.uniform(0.5, 12, (3, 3))
+    weight = rng.dirichlet(np.ones(3), 3).T
+    amplitude = weight * np.minimum(limit_v / frequency, limit_a / frequency**2)
+    angle = frequency * times[:, None, None] + rng.uniform(0, 6, (3, 3))
+    track = make_track(times, (amplitude * np.sin(angle)).sum(axis=1),
+                       (amplitude * frequency * np.cos(angle)).sum(axis=1), start=times[0], now=times[0], current=REST)
+    player = Playback(3, limit_v, limit_a)
+    position = rng.uniform(-1.5, 1.5, 3)
+    velocity = rng.uniform(-1, 1, 3) * limit_v if moving else np.zeros(3)
+    rest = position + np.sign(velocity) * velocity**2 / (2 * limit_a)
+    begin = 5.0 + rng.uniform(0, 5)
+    duration = player.ramp_in(track, begin, shortest, speed, position, velocity, rest)
+    at = np.append(np.linspace(begin, begin + duration, 800), begin + duration + 0.1)
+    reference = np.array([[array.copy() for array in player.sample(t)] for t in at]).swapaxes(0, 1)
+    motion = values(track, at)[0]
+    np.testing.assert_allclose(reference[0][0], position, atol=1e-12)
+    np.testing.assert_allclose(reference[1][0], velocity, atol=1e-9)
+    np.testing.assert_allclose(reference[0][-1], motion[-1], atol=1e-12)
+    low, high = np.minimum(np.minimum(position, rest), motion), np.maximum(np.maximum(position, rest), motion)
+    assert np.all((low - 1e-12 <= reference[0]) & (reference[0] <= high + 1e-12))
+    # velocities are those of the positions
+    step = at[1] - at[0]
+    mean = 0.5 * (reference[1][1:-1] + reference[1][:-2])
+    np.testing.assert_allclose(np.diff(reference[0][:-1], axis=0), step * mean,
+                               atol=20 * step**2 * limit_a.max() + 1e-9)
+    if not moving:
+        assert np.all(np.abs(reference[1]) <= (1.78 + speed) * limit_v * 1.01)
+        bend = np.diff(reference[1][:-1], axis=0) / step
+        assert np.all(np.abs(bend) <= (2.41 + 2 * speed) * limit_a * 1.02)
+
+
+def test_a_trajectory_that_begins_at_the_posture_is_played_as_it_is():
+    track = make_track([0.0, 0.5, 1.0], [[0.0], [0.5], [0.6]], start=0.0, now=0.0, current=(np.zeros(1), np.zeros(1)))
+    player = Playback(1, [4.0], [30.0])
+    assert player.ramp_in(track, 0.0, 2.0, 0.3, np.zeros(1), np.zeros(1), np.zeros(1)) == 0.0
+    for t in np.linspace(0, 1, 50):
+        np.testing.assert_array_equal(player.sample(t)[0], track.at(t)[0])
+
+
+def test_a_first_point_too_near_in_time_is_met_as_a_moving_one():
+    """The way there would need 50 rad/s: the track runs through its first point instead, as if it came from before."""
+    here = np.zeros(1), np.zeros(1)
+    within = np.array([4.0]), np.array([30.0])
+    track = make_track([0.02, 0.5], [[0.5], [0.6]], [[1.0], [0.0]], start=0.0, now=0.0, current=here, within=within)
+    np.testing.assert_allclose(track.at(0.0)[0], 0.48)
+    np.testing.assert_allclose(track.at(0.01), [[0.49], [1.0]])
+    # more than the coasting time ahead: it waits at rest before
+    track = make_track([0.2, 0.5], [[1.5], [1.6]], [[1.0], [0.0]], start=0.0, now=0.0, current=here, within=within)
+    np.testing.assert_allclose(track.at(0.0), [[1.45], [0.0]])
+    np.testing.assert_allclose(track.at(0.2), [[1.5], [1.0]])
+    # time enough: from where the joint is
+    track = make_track([1.0], [[0.5]], start=0.0, now=0.0, current=here, within=within)
+    np.testing.assert_allclose(track.at(0.0), [[0.0], [0.0]])
+
+
+def test_a_contradiction_in_velocity_does_not_throw_the_reference_about():
+    """One window claims 1000 rad/s at the posture that plays; the next is right again."""
+    player = Playback(1, [4.0], [40.0])
+    here = np.zeros(1), np.zeros(1)
+    still = make_track([0.0, 9.0], [[0.0], [0.0]], [[0.0], [0.0]], start=0.0, now=0.0, current=here)
+    player.take_over(still, 0.0, 0.06)
+    player.take_over(make_track([1.0, 1.3], [[0.0], [0.0]], [[1000.0], [0.0]], start=1.0, now=1.0, current=here),
+                     1.0, 0.06)
+    player.sample(1.0)
+    player.take_over(still, 1.0, 0.06)
+    path = [player.sample(t)[0][0] for t in np.linspace(1.0, 3.0, 500)]
+    assert np.ptp(path) < 1.0 and path[-1] == 0.0

@@ -21,6 +21,7 @@ MAX_PENDING = 16        # trajectories that start in the future
 CATCH_UP_S = 0.05       # of missed periods that a late tick makes up for
 REJECT_RUN = 3          # ticks in a row with rejected targets that end a trajectory
 LOOKS = 5               # tries to read the posture when arming
+NOTABLE_LAG = 0.02      # rad
 POSTURE_TOLERANCE = 0.05        # rad that a posture may lie outside the limits when arming
 
 
@@ -41,7 +42,7 @@ class BridgeSettings:
     ramp_speed : float
         Fraction of the joint limits used when ramping in from a held posture.
     ramp_time : float
-        Shortest ramp, s.
+        Shortest ramp, s, unless the joints stand where the trajectory begins.
     coast : float
         A trajectory that ends moving comes to rest in this time, s.
     max_lead : float
@@ -56,6 +57,9 @@ class BridgeSettings:
         'brake' (stop within the limits and hold with torque) or 'torque_off'.
     following_time : float
         A following error may last this long, s.
+    saturation_time : float
+        A trajectory may ask for more than the limits allow; the commands follow as fast as they may. This long a joint
+        may stay behind by more than its ``discontinuity``, s.
     partial_joints : bool
         Take trajectories for some of the joints; the others hold.
     """
@@ -73,6 +77,7 @@ class BridgeSettings:
     estop_action: str = 'brake'
     fault_action: str = 'brake'
     following_time: float = 0.25
+    saturation_time: float = 1.0
     partial_joints: bool = False
 
 
@@ -118,6 +123,8 @@ class Bridge:
         Of the last command: PASS, CLAMP or REJECT.
     target : ndarray, shape (D,)
         What the last command aimed at before limiting, rad.
+    lag : ndarray, shape (D,)
+        How far the last command stayed behind its target (brought inside the position limits), rad.
     trace : callable, optional
         Called for every period's command with time, state, target, command and measured position.
     counts : dict
@@ -132,6 +139,8 @@ class Bridge:
         self._limiter = Limiter(chain.array('lower'), chain.array('upper'), velocity, acceleration,
                                 chain.array('discontinuity'), 1.0 / settings.rate)
         self._playback = Playback(len(names), velocity, acceleration)
+        # what the way to a first point may ask of the joints, from a held posture and while streaming
+        self._feasible = {False: (velocity / 1.5, acceleration), True: (2.0 * velocity, np.inf)}
         self._jump = chain.array('discontinuity')
         self._lower, self._upper = chain.array('lower'), chain.array('upper')
         self._follow = chain.array('following_error')
@@ -141,6 +150,9 @@ class Bridge:
         self.command, self.command_velocity = self._limiter.position, self._limiter.velocity
         self.bands = self._limiter.bands
         self.target = np.full(len(names), np.nan)
+        self.lag = np.zeros(len(names))
+        self._behind = np.zeros(len(names), dtype=int)      # periods that a joint has lagged too far
+        self._worst_lag = np.zeros(len(names))
         self.counts = {'accepted': 0, 'rejected': 0, 'clamped': 0, 'limiter rejections': 0}
         self.rejections = {}
         self.estop_held = False
@@ -167,6 +179,13 @@ class Bridge:
     def input_age(self, now):
         """Time since the last accepted trajectory, s; infinite before the first."""
         return now - self._accepted_at
+
+    def take_lag(self):
+        """Joint that lagged furthest behind its target since the last call, and by how much (rad), or None."""
+        worst = int(np.argmax(self._worst_lag))
+        lag = float(self._worst_lag[worst])
+        self._worst_lag[:] = 0
+        return (self.chain.names[worst], lag) if lag > NOTABLE_LAG else None
 
     # --- arming and stopping ------------------------------------------------------------------------------------
 
@@ -272,7 +291,7 @@ class Bridge:
         self._since = now
         self.reason = reason
         self._pending.clear()
-        self._reject_run = 0
+        self._reject_run, self._behind[:] = 0, 0
 
     # --- trajectories -------------------------------------------------------------------------------------------
 
@@ -361,13 +380,14 @@ class Bridge:
         """Let a trajectory whose start has come take over."""
         streaming = self.state in (State.RAMPING, State.STREAMING)
         if streaming:
-            position, velocity = (array.copy() for array in self._playback.sample(now))
+            position, velocity = (array.copy() for array in self._playback.source(now))
         else:
             position, velocity = self.command.copy(), self.command_velocity.copy()
         if points.positions.shape[1:] != position.shape:
             raise _refusal('shape', f'positions of shape {points.positions.shape} for {len(position)} joints')
         track = make_track(start + points.times, points.positions, points.velocities, points.accelerations,
-                           start=max(start, now), now=now, current=(position, velocity), coast=self.settings.coast)
+                           start=max(start, now), now=now, current=(position, velocity), coast=self.settings.coast,
+                           within=self._feasible[streaming], shortest=self.settings.blend if streaming else 0.0)
         if streaming:
             gap = np.abs(self._playback.jump(track, now)[0])
             worst = int(np.argmax(gap / self._jump))
@@ -375,16 +395,18 @@ class Bridge:
                 raise _refusal('discontinuity', f'joint {self.chain.names[worst]} would jump by {gap[worst]:.3f} rad')
             self._playback.take_over(track, now, self.settings.blend)
         else:
-            ramp = self._playback.take_over(track, now, self.settings.ramp_time, self.settings.ramp_speed,
-                                            (position, velocity))
+            ramp = self._playback.ramp_in(track, now, self.settings.ramp_time, self.settings.ramp_speed,
+                                          position, velocity, self._limiter.stop()[0])
             self._ramp_end = now + ramp
             self.machine.happen(Event.TRAJECTORY)
-            self._since, self.reason, self._reject_run = now, '', 0
+            self._since, self.reason = now, ''
+            self._reject_run, self._behind[:] = 0, 0
 
     def _begin_waiting(self, points, start, now):
         try:
             self._begin(points, start, now)
         except MotionError as error:
+            self.counts['accepted'] -= 1
             self.count_rejection(error)
             log.warning('trajectory refused at its start: %s', error)
 
@@ -411,6 +433,9 @@ class Bridge:
         most = max(1, round(CATCH_UP_S / period))
         # what is left of rounding counts for the next call, so that the mean rate is right
         self._ticked = self._ticked + periods * period if periods <= most else now
+        if periods > most and self.state in (State.RAMPING, State.STREAMING):
+            # time is lost, so the target has moved on: that is no jump of the sender's
+            self._limiter.expect(self._playback.sample(now - most * period)[0])
         periods = min(periods, most)
         for k in range(periods - 1, -1, -1):
             self._step(now - k * period)
@@ -469,12 +494,26 @@ class Bridge:
         self.counts['clamped'] += int(clamped)
         self.counts['limiter rejections'] += int(rejected)
         self._reject_run = self._reject_run + 1 if rejected else 0
+        if clamped:
+            np.abs(np.clip(self.target, self._lower, self._upper) - self.command, out=self.lag)
+            np.maximum(self.lag, self._worst_lag, out=self._worst_lag)
+            self._behind = np.where(self.lag > self._jump, self._behind + 1, 0)
+        else:
+            self.lag[:] = self._behind[:] = 0
         if self._reject_run >= REJECT_RUN:
-            if self.machine.happen(Event.REFUSED):
-                joint = self.chain.names[int(np.argmax(self.bands == REJECT))]
-                self._enter(now, f'the target of joint {joint} runs away from what its limits allow')
-            else:
-                self._playback.hold(self.command)       # READY: stay where the trajectory could not be followed to
+            joint = self.chain.names[int(np.argmax(self.bands == REJECT))]
+            self._refuse(now, f'the target of joint {joint} jumps or is not finite')
+        elif self._behind.max() > self.settings.saturation_time * self.settings.rate:
+            joint = self.chain.names[int(np.argmax(self._behind))]
+            self._refuse(now, f'joint {joint} has been too far behind its target for '
+                              f'{self.settings.saturation_time:g} s: the trajectory asks for more than its limits')
+
+    def _refuse(self, now, reason):
+        if self.machine.happen(Event.REFUSED):
+            self._enter(now, reason)
+        else:
+            self._playback.hold(self.command)       # READY: stay where the trajectory could not be followed to
+        self._behind[:] = 0
 
     def _drive(self, now):
         if self._lost:

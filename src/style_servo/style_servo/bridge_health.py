@@ -65,6 +65,9 @@ def health_of_bridge(bridge, times, flood, now):
              'messages dropped in floods': str(flood),
              'joint commands clamped': str(bridge.counts['clamped']),
              'joint targets rejected': str(bridge.counts['limiter rejections'])}
+    lag = bridge.take_lag()
+    if lag is not None:
+        facts['largest lag behind the trajectory (rad)'] = f'{lag[1]:.4f} ({lag[0]})'
     facts.update({f'rejected: {kind}': str(count) for kind, count in bridge.rejections.items()})
     facts.update({f'bus: {name}': str(count) for name, count in backend.statistics.items()})
     if np.any(np.isfinite(bridge.command)):
@@ -84,4 +87,7 @@ def health_of_bridge(bridge, times, flood, now):
         return Health(WARN, f'{state.name}: {bridge.reason}', facts)
     if not measurement.fresh and state.armed:
         return Health(WARN, f'{state.name}, but the last bus cycle brought no answer', facts)
+    if lag is not None and state in (State.RAMPING, State.STREAMING):
+        return Health(WARN, f'{state.name}, but {lag[0]} lags {lag[1]:.2f} rad behind: the trajectory asks for more '
+                            'than its limits', facts)
     return Health(OK, state.name, facts)

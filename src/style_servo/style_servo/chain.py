@@ -24,7 +24,7 @@ class Joint:
     velocity, acceleration : float
         Limits, rad/s and rad/s^2.
     discontinuity : float
-        A target further than this from the last command is an error of the sender, rad.
+        A target that jumps by more than this is an error of the sender, rad; see Limiter.
     following_error : float
         Largest difference between command and measurement, rad.
     id : int, optional

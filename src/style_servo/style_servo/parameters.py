@@ -23,7 +23,7 @@ BRIDGE = ParameterTable((
                '0 waits for the end of the last one', 's', 0.0, 60.0),
     _of_bridge('blend', 'Shortest time in which a new trajectory takes over from the playing one', 's', 0.005, 5.0),
     _of_bridge('ramp_speed', 'Fraction of the joint limits used when ramping in from a held posture', '', 0.01, 1.0),
-    _of_bridge('ramp_time', 'Shortest ramp', 's', 0.01, 30.0),
+    _of_bridge('ramp_time', 'Shortest ramp, unless the joints stand where the trajectory begins', 's', 0.01, 30.0),
     _of_bridge('coast', 'A trajectory that ends moving comes to rest in this time', 's', 0.01, 2.0),
     _of_bridge('max_lead', 'How far in the future a trajectory may start', 's', 0.0, 60.0),
     _of_bridge('partial_joints', 'Take trajectories for some of the joints; the others hold'),
@@ -40,6 +40,8 @@ BRIDGE = ParameterTable((
     _of_bridge('fault_action', 'Fault: brake within the limits and hold, or torque off at once',
                choices=('brake', 'torque_off')),
     _of_bridge('following_time', 'How long a following error may last', 's', 0.0, 10.0),
+    _of_bridge('saturation_time', 'How long a joint may lag behind a trajectory that asks for more than its limits, by '
+               'more than its discontinuity', 's', 0.0, 60.0),
     # the Dynamixel bus
     Parameter('port', '/dev/ttyUSB0', 'Serial device of the Dynamixel adapter', live=False),
     Parameter('baud', 1000000, 'Bits a second on the bus', '', 9600, 4000000, live=False),

@@ -32,7 +32,7 @@ class Event(enum.Enum):
     RAMPED = 'the ramp from the held posture has ended'
     FINISHED = 'the trajectory has ended at rest'
     STALE = 'no trajectory for the input time-out, or the last one ended while moving'
-    REFUSED = 'the limiter rejects the targets (discontinuity, not finite)'
+    REFUSED = 'the limiter rejects the targets (discontinuity, not finite), or a joint lags too far for too long'
     TIRED = 'held for the hold time-out, and the policy is to relax'
     GIVE_UP = 'held for the hold time-out, and the policy is a fault'
     ESTOP = 'emergency stop'

@@ -17,7 +17,7 @@ allowed whenever (P, W) lies in it, so the allowed interval is never empty. docs
 """
 import numpy as np
 
-from libc.math cimport fabs, floor, isfinite, rint, sqrt
+from libc.math cimport NAN, fabs, floor, isfinite, rint, sqrt
 
 from style_core.errors import UsageError
 
@@ -56,8 +56,9 @@ cdef class Limiter:
     velocity, acceleration : array_like, shape (D,)
         Limits, rad/s and rad/s^2, of the emitted command: steps and changes of step over one tick.
     discontinuity : array_like, shape (D,)
-        A target that, brought inside the position limits, lies further than this (rad) from the last command is
-        rejected.
+        A target (brought inside the position limits) that jumps by more than this (rad) from one call to the next is
+        rejected until it is back within this distance of the last command. A target that moves away faster than the
+        limits allow, but without a jump, is followed as fast as they allow.
     period : float
         Time between two calls, s.
 
@@ -78,7 +79,7 @@ cdef class Limiter:
     cdef readonly object bands, position, velocity, counts
     cdef readonly double period
     cdef long long[::1] _lower, _upper, _step, _change, _p, _w
-    cdef double[::1] _jump, _position, _velocity
+    cdef double[::1] _jump, _position, _velocity, _target
     cdef unsigned char[::1] _bands
     cdef long long[::1] _counts
     cdef Py_ssize_t _n
@@ -116,6 +117,7 @@ cdef class Limiter:
         self.velocity = np.zeros(self._n)
         self.bands = np.zeros(self._n, np.uint8)
         self.counts = np.zeros(3, np.int64)
+        self._target = np.full(self._n, np.nan)      # of the last tick; NaN after a rejection
         self._position, self._velocity = self.position, self.velocity
         self._bands, self._counts = self.bands, self.counts
 
@@ -132,7 +134,14 @@ cdef class Limiter:
         self._w = np.zeros(self._n, np.int64)
         self.position[:] = lattice / SCALE
         self.velocity[:] = 0.0
+        self._target[:] = self._position
         self.bands[:] = PASS
+
+    def expect(self, double[::1] target):
+        """Take it that the target (shape (D,), rad) has moved to here without a jump while no tick was made."""
+        cdef Py_ssize_t i
+        for i in range(self._n):
+            self._target[i] = min(max(target[i], <double>self._lower[i] / SCALE), <double>self._upper[i] / SCALE)
 
     def step(self, double[::1] target, double[::1] target_velocity):
         """Move one tick towards a target that itself moves at ``target_velocity``.
@@ -197,8 +206,10 @@ cdef class Limiter:
             band = 0
             if target != NULL:
                 inside = min(max(target[i], <double>self._lower[i] / SCALE), <double>self._upper[i] / SCALE)
-                # the distance is written so that NaN fails it (before the first reset)
-                if isfinite(target[i]) and isfinite(rate[i]) and fabs(inside - self._position[i]) <= self._jump[i]:
+                # the distances are written so that NaN fails them (before the first reset, after a rejection)
+                if isfinite(target[i]) and isfinite(rate[i]) and (
+                        fabs(inside - self._position[i]) <= self._jump[i]
+                        or fabs(inside - self._target[i]) <= self._jump[i]):
                     r = <long long>rint(inside * SCALE)
                     moved = rint(rate[i] * self.period * SCALE)
                     flow = <long long>max(min(moved, <double>self._step[i]), -<double>self._step[i])
@@ -213,5 +224,6 @@ cdef class Limiter:
             self._velocity[i] = <double>wanted / SCALE / self.period
             if band == 0 and target != NULL and (p + wanted != r or inside != target[i]):
                 band = 1
+            self._target[i] = self._position[i] if target == NULL else inside if band < 2 else NAN
             self._bands[i] = band
             self._counts[band] += 1

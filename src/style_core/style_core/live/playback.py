@@ -3,20 +3,35 @@
 A trajectory becomes a :class:`Track`, a piecewise polynomial. A new track takes over from the one that plays: the
 difference between both at that moment is added to the new one and decays to zero along a
 quintic. The sum is continuous in position, velocity and acceleration at every replacement, also while an earlier
-difference is still decaying. Ramping in from a measured posture is the same thing with a long decay.
+difference is still decaying.
+
+Ramping in from a held posture is another thing, because the motion may be far away and fast: a weight s goes from 0 to
+1, and the reference is base + s (motion - base), where the base is the posture, brought to rest where it still moves.
+It never leaves the way between posture and motion. With s a quintic in x = t / T, a motion within the limits V and A
+and an initial difference of o (rad) and w (rad/s), speeds stay below
+
+    max(s + x s') V + max s' o / T,
+
+and accelerations grow likewise; T is chosen so that what o and w add is a given fraction of the limits.
 """
 from dataclasses import dataclass
 
 import numpy as np
 
 from style_core.errors import MotionError
-from style_core.live.segments import add_decay, evaluate
+from style_core.live.segments import add_decay, evaluate, fade
 
 __all__ = ['Track', 'make_track', 'Playback', 'quintic']
 
 # peak speed and peak acceleration of the quintic step from 0 to 1 in unit time
 PEAK_SPEED = 1.875
 PEAK_ACCELERATION = 10.0 / np.sqrt(3.0)
+# largest 2 s' + x s'' of that step s(x): acceleration of a ramp onto a motion at unit speed
+PEAK_CHASE = 4.6218
+# a posture so near to the motion (rad, rad/s) is on it: the ramp may be shorter than asked
+NEAR, SLOW = 0.02, 0.2
+# differences in velocity and acceleration beyond so many limits are left to the limiter
+CONTRADICTION = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +113,24 @@ def _slopes(times, positions):
     return velocities
 
 
-def make_track(times, positions, velocities=None, accelerations=None, *, start, now, current, coast=0.1):
+def _lead_in(wait, position, velocity, current, coast, within, shortest):
+    """Times (from the track's start), positions and velocities of what comes before a track's first point."""
+    if wait >= shortest:
+        # a cubic that begins faster than this overshoots (Fritsch and Carlson 1980); the rest decays in taking over
+        most = 3.0 * (position - current[0]) / wait
+        begin = np.clip(current[1], np.minimum(most, 0.0), np.maximum(most, 0.0))
+        way = _cubic(wait, current[0], begin, position, velocity)
+        bend = 2.0 * np.abs([way[:, 2], way[:, 2] + 3.0 * wait * way[:, 3]])        # linear: largest at an end
+        if np.all(np.abs(position - current[0]) <= within[0] * wait) and np.all(bend.max(axis=0) <= within[1]):
+            return np.zeros(1), current[0], begin
+    if wait <= coast:
+        return np.zeros(1), position - wait * velocity, velocity
+    rest = np.tile(position - 0.5 * coast * velocity, (2, 1))
+    return np.array([0.0, wait - coast]), rest, np.zeros_like(rest)
+
+
+def make_track(times, positions, velocities=None, accelerations=None, *, start, now, current, coast=0.1,
+               within=(np.inf, np.inf), shortest=0.0):
     """Turn trajectory points into a track.
 
     Parameters
@@ -117,6 +149,12 @@ def make_track(times, positions, velocities=None, accelerations=None, *, start, 
         Position and velocity when the track takes over.
     coast : float
         A track that ends moving comes to rest in this time, s.
+    within : pair of array_like, shape (D,)
+        Mean speed and acceleration that the way from ``current`` to the first point may need. Where it needs more, the
+        track comes instead as if it had been at the speed of its first point before, or, where that lies more
+        than ``coast`` ahead, from rest: what takes over then has to bridge the difference.
+    shortest : float
+        The same where the first point is closer than this, s.
 
     Raises
     ------
@@ -144,11 +182,11 @@ def make_track(times, positions, velocities=None, accelerations=None, *, start, 
         velocities = None if len(times) == 1 else _slopes(times, positions)
     velocities = np.zeros_like(positions) if velocities is None else np.asarray(velocities, dtype=np.float64)
     if times[0] > start + 1e-6:
-        times = np.concatenate([[start], times])
-        positions = np.vstack([current[0], positions])
-        velocities = np.vstack([current[1], velocities])
+        lead = _lead_in(times[0] - start, positions[0], velocities[0], current, coast, within, shortest)
+        times = np.concatenate([start + lead[0], times])
+        positions, velocities = np.vstack([lead[1], positions]), np.vstack([lead[2], velocities])
         if accelerations is not None:
-            accelerations = np.vstack([accelerations[:1], accelerations])
+            accelerations = np.vstack([np.zeros_like(lead[1]), accelerations])
     if len(times) > 1:
         duration = np.diff(times)[:, None]
         if accelerations is None:
@@ -189,13 +227,13 @@ class Playback:
         self._limits = np.asarray(velocity, dtype=np.float64), np.asarray(acceleration, dtype=np.float64)
         self._track = None
         self._hint = 0
-        self._decay = None
-        self._decay_start = self._decay_end = 0.0
+        self._decay = self._standing = None
+        self._decay_start = self._decay_end = self._ramp_start = self._ramp_end = -np.inf
 
     @property
     def end(self):
         """When the playing track comes to rest, s; -inf when none plays."""
-        return -np.inf if self._track is None else max(self._track.end, self._decay_end)
+        return -np.inf if self._track is None else max(self._track.end, self._decay_end, self._ramp_end)
 
     @property
     def ends_moving(self):
@@ -205,8 +243,7 @@ class Playback:
     def hold(self, position):
         """Forget every track and stand at ``position`` (shape (D,), rad)."""
         self._track = None
-        self._decay = None
-        self._decay_end = -np.inf
+        self._decay_end = self._ramp_end = -np.inf
         self.position[:] = position
         self.velocity[:] = 0.0
 
@@ -219,8 +256,48 @@ class Playback:
         after = track.at(time)
         return before[0] - after[0], before[1] - after[1]
 
-    def take_over(self, track, time, shortest, speed=1.0, current=None):
-        """Play ``track`` from now on, without a jump.
+    def ramp_in(self, track, time, shortest, speed, position, velocity, rest):
+        """Play ``track`` from now on, ramping in from a posture instead of from what played.
+
+        Parameters
+        ----------
+        track : Track
+        time : float
+            Now, s.
+        shortest : float
+            Of the ramp, s, unless the posture is on the track already.
+        speed : float
+            Fraction of the velocity and acceleration limits that the difference may add.
+        position, velocity : ndarray, shape (D,)
+            The posture, rad, and the rad/s at which it still moves.
+        rest : ndarray, shape (D,)
+            Where it would come to rest, rad.
+
+        Returns
+        -------
+        duration : float
+            Of the ramp, s.
+        """
+        self.hold(position)
+        offset, drift = (np.abs(here - there) for here, there in zip((position, velocity), track.at(time)))
+        limit_v, limit_a = (speed * limit for limit in self._limits)
+        # a motion faster than the limits is not followed at its speed anyway
+        chase = PEAK_CHASE * np.minimum(drift, self._limits[0]) / limit_a
+        duration = float(np.max(np.maximum(
+            PEAK_SPEED * offset / limit_v,
+            0.5 * (chase + np.sqrt(chase**2 + 4.0 * PEAK_ACCELERATION * offset / limit_a)))))
+        if np.any(offset > NEAR) or np.any(drift > SLOW):
+            duration = max(duration, shortest)
+        way = rest - position
+        with np.errstate(divide='ignore', invalid='ignore'):
+            braking = np.where(way * velocity > 0, 2.0 * way / velocity, 0.0)
+        self._standing = np.array([position, velocity, braking])
+        self._ramp_start, self._ramp_end = time, time + duration
+        self._track, self._hint = track, 0
+        return duration
+
+    def take_over(self, track, time, shortest):
+        """Play ``track`` from now on; what differs from what played decays.
 
         Parameters
         ----------
@@ -229,45 +306,44 @@ class Playback:
             Now, s.
         shortest : float
             A difference takes at least this long to decay, s.
-        speed : float
-            Fraction of the velocity and acceleration limits that the decay may use.
-        current : pair of ndarray, shape (D,), optional
-            Position and velocity to start from, for example those of a braking command; this player's own reference
-            at ``time`` if not given.
 
         Returns
         -------
         duration : float
             Of the decay, s.
         """
+        limit_v, limit_a = self._limits
         bend = -track.acceleration(time)
-        position, velocity = track.at(time)
-        if current is None:
-            current = self.sample(time)
-            jump, change = self.jump(track, time)
-            if self._track is not None:
-                bend += self._track.acceleration(time)
-            if time < self._decay_end:
-                bend += _bend(self._decay, time - self._decay_start)
-            shortest = max(shortest, self._decay_end - time)
-        else:
-            jump, change = current[0] - position, current[1] - velocity
-        offset, drift = current[0] - position, current[1] - velocity
-        limit_v, limit_a = (speed * limit for limit in self._limits)
-        duration = max(shortest, float(np.max(PEAK_SPEED * np.abs(jump) / limit_v)),
+        if self._track is not None:
+            bend += self._track.acceleration(time)
+        if time < self._decay_end:
+            bend += _bend(self._decay, time - self._decay_start)
+        before, after = self.source(time), track.at(time)
+        jump, change = self.jump(track, time)
+        drift, change = (np.clip(one, -CONTRADICTION * limit_v, CONTRADICTION * limit_v)
+                         for one in (before[1] - after[1], change))
+        bend = np.clip(bend, -CONTRADICTION * limit_a, CONTRADICTION * limit_a)
+        duration = max(shortest, self._decay_end - time, float(np.max(PEAK_SPEED * np.abs(jump) / limit_v)),
                        float(np.max(np.sqrt(PEAK_ACCELERATION * np.abs(jump) / limit_a))),
                        float(np.max(2.0 * np.abs(change) / limit_a)))
-        self._decay = np.ascontiguousarray(quintic(duration, offset, drift, bend, 0.0, 0.0, 0.0))
+        self._decay = np.ascontiguousarray(quintic(duration, before[0] - after[0], drift, bend, 0.0, 0.0, 0.0))
         self._decay_start, self._decay_end = time, time + duration
         self._track, self._hint = track, 0
         return duration
 
+    def source(self, time):
+        """What is played at ``time`` (s) before ramping in: the attributes position and velocity, rewritten."""
+        if self._track is not None:
+            self._hint = evaluate(self._track.knots, self._track.coefficients, time, self._hint,
+                                  self.position, self.velocity)
+            if time < self._decay_end:
+                add_decay(self._decay, time - self._decay_start, self.position, self.velocity)
+        return self.position, self.velocity
+
     def sample(self, time):
         """Position and velocity of the reference at ``time`` (s): the attributes of these names, rewritten."""
-        if self._track is None:
-            return self.position, self.velocity
-        self._hint = evaluate(self._track.knots, self._track.coefficients, time, self._hint,
-                              self.position, self.velocity)
-        if time < self._decay_end:
-            add_decay(self._decay, time - self._decay_start, self.position, self.velocity)
+        self.source(time)
+        if time < self._ramp_end:
+            fade(self._standing, time - self._ramp_start, self._ramp_end - self._ramp_start,
+                 self.position, self.velocity)
         return self.position, self.velocity

@@ -56,3 +56,38 @@ def add_decay(const double[:, ::1] coefficients, double elapsed, double[::1] pos
                          + coefficients[i, 2]) * s + coefficients[i, 1]) * s + coefficients[i, 0]
         velocity[i] += ((((5.0 * coefficients[i, 5] * s + 4.0 * coefficients[i, 4]) * s
                           + 3.0 * coefficients[i, 3]) * s + 2.0 * coefficients[i, 2]) * s + coefficients[i, 1])
+
+
+def fade(const double[:, ::1] standing, double elapsed, double duration, double[::1] position, double[::1] velocity):
+    """Turn a reference into one that starts from a braking posture: base + s (reference - base), in place.
+
+    s goes from 0 to 1 within ``duration`` as a quintic without speed and acceleration at its ends. The result lies
+    between base and reference at every moment.
+
+    Parameters
+    ----------
+    standing : ndarray, shape (3, D)
+        Of the base: position (rad) and velocity (rad/s) at the beginning, and the time (s) in which it comes to rest
+        with constant deceleration.
+    elapsed, duration : float
+        S.
+    position, velocity : ndarray, shape (D,)
+        Of the reference; rewritten, rad and rad/s.
+    """
+    cdef Py_ssize_t i
+    cdef double x = elapsed / duration, s, slope, t, base, pace
+    if x >= 1.0:
+        return
+    s = x * x * x * (10.0 + x * (6.0 * x - 15.0))
+    slope = 30.0 * x * x * (1.0 - x) * (1.0 - x) / duration
+    for i in range(position.shape[0]):
+        t = min(elapsed, standing[2, i])
+        base = standing[0, i]
+        pace = 0.0
+        if t > 0.0:
+            base += standing[1, i] * t * (1.0 - 0.5 * t / standing[2, i])
+            pace = standing[1, i] * (1.0 - t / standing[2, i])
+        elif elapsed <= 0.0:
+            pace = standing[1, i]
+        velocity[i] = pace + s * (velocity[i] - pace) + slope * (position[i] - base)
+        position[i] = base + s * (position[i] - base)
