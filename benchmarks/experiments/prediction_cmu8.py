@@ -6,7 +6,7 @@ and the Euler-angle error, root left out, as the public code computes them.
 """
 
 import numpy as np
-from prediction_common import LOCOMOTION, page, parallel, parser, trained
+from prediction_common import LOCOMOTION, learned_correction, page, parallel, parser, trained
 
 from style_core import datasets
 from style_core.baselines import NearestHistories, ZeroVelocity
@@ -57,7 +57,7 @@ JOINT_OF_BONE = {
 def benchmark(split, action, offsets=(0,)):
     """The benchmark's files at 60 Hz; ``offsets`` 0 and 1 take the frames in between as well."""
     return [
-        (f'{name}.{offset}' if offset else name, rows[offset::2] if offset == 0 else rows[1 + offset :: 2])
+        (f'{name}.{offset}' if offset else name, rows[offset::2])
         for name, rows in datasets.cmu8(split, action)
         for offset in offsets
     ]
@@ -94,8 +94,10 @@ def used_columns(rows):
 
 def training(action, more):
     """Training motions: the benchmark's own files, or also other people's trials of the same gait."""
-    files = [(name, rows[1:]) for name, rows in benchmark('train', action)] + [
-        (f'{name}.odd', rows[1:]) for name, rows in benchmark('train', action, offsets=(1,))
+    # who a file is from is not known: each counts as a person of its own, with its frames in between
+    files = [(f'{name.replace("_", "")}_even', rows[1:]) for name, rows in benchmark('train', action)] + [
+        (f'{name.split(".")[0].replace("_", "")}_odd', rows[1:])
+        for name, rows in benchmark('train', action, offsets=(1,))
     ]
     if more:
         kinds = {'walking': LOCOMOTION[:2], 'running': LOCOMOTION[2:], 'jumping': ('jump',)}[action]
@@ -120,7 +122,9 @@ def make(method, action, more):
         return NearestHistories(motions), columns
     from style_core.phase_style import make_predictor
 
-    return make_predictor(trained(motions, action, motions[0].joint_names), 'full'), columns
+    behaviours = trained(motions, action, motions[0].joint_names)
+    correction = learned_correction(motions, behaviours) if method.endswith('histories') else None
+    return make_predictor(behaviours, 'full', correction), columns
 
 
 def score(method, action, more, seen=SEEN):
@@ -163,6 +167,9 @@ def main(argv=None):
         ('ours', False, 50),
         ('ours', True, 50),
         ('ours', True, 10),
+        ('ours + nearest histories', False, 50),
+        ('ours + nearest histories', True, 50),
+        ('ours + nearest histories', True, 10),
     ]
     jobs = [
         (method, action, more, seen) for action in ('jumping', 'walking', 'running') for method, more, seen in variants
@@ -219,6 +226,7 @@ def _figure(results, jobs):
             ('zero velocity', False, ':'),
             ('5 nearest histories', True, '-.'),
             ('ours', True, '-'),
+            ('ours + nearest histories', True, '-'),
         ):
             ax.plot(ms, results[method, action, more, SEEN][0].mean(axis=0), style, label=method)
         ax.set_title(action)

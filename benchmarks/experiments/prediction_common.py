@@ -183,11 +183,15 @@ def correction(training, channels=50):
 
     Kept on disk like the models (see `trained`).
     """
+    return learned_correction(recordings(training, channels), full_model(training, channels))
+
+
+def learned_correction(motions, behaviours):
+    """Histories of recordings and their weights beside the model of one behaviour that was trained on them."""
     from style_core.phase_style import learn_correction, load_parts, save_behaviours
     from style_core.phase_style.training import to_sequence
 
-    motions, behaviours = recordings(training, channels), full_model(training, channels)
-    path = kept_model('histories', motions, channels)
+    path = kept_model('histories', motions, behaviours[0].name, behaviours[0].rhythmic, behaviours[0].joint_names)
     if not path.is_file():
         sequences = [to_sequence(motion, behaviours[0].joint_names) for motion in motions]
         save_behaviours(path, behaviours, correction=learn_correction(behaviours, [sequences]))

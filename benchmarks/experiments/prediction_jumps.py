@@ -5,7 +5,17 @@ test and four of its nine training recordings are not here, so beside its own sp
 """
 
 import numpy as np
-from prediction_common import page, parallel, parser, paths, recording, recordings, rest_pose, trained
+from prediction_common import (
+    learned_correction,
+    page,
+    parallel,
+    parser,
+    paths,
+    recording,
+    recordings,
+    rest_pose,
+    trained,
+)
 
 from style_core import datasets
 from style_core.baselines import NearestHistories, ZeroVelocity
@@ -15,7 +25,7 @@ from style_core.motion import Motion
 PAPER_TRAINING = ('13_11', '13_19', '13_39', '16_01', '16_02')
 PAPER_TEST = '13_32'
 SHOWN, AHEAD = 60, 30
-METHODS = ('zero velocity', '5 nearest histories', 'paper', 'ours')
+METHODS = ('zero velocity', '5 nearest histories', 'paper', 'ours', 'ours + nearest histories')
 #: Speed, relative to its peak, at which a jump begins and ends.
 ACTIVE = 0.1
 
@@ -42,7 +52,9 @@ def make(method, training):
     names = motions[0].joint_names
     if method == 'paper':
         return make_predictor([train(motions, 'jump', False, names, min(6, len(motions) - 1), residual=False)], 'paper')
-    return make_predictor(trained(motions, 'jump', names, rhythmic=False), 'full')
+    behaviours = trained(motions, 'jump', names, rhythmic=False)
+    correction = learned_correction(motions, behaviours) if method.endswith('histories') else None
+    return make_predictor(behaviours, 'full', correction)
 
 
 def score(method, training, test):
@@ -84,7 +96,8 @@ def main(argv=None):
     rows = []
     for test in jumps:
         per = [results[method, tuple(n for n in jumps if n != test), test] for method in METHODS]
-        rows.append([test, per[0][3], *(r[0] for r in per), per[-1][0] / per[-1][2], *(r[1] for r in per)])
+        ours = per[METHODS.index('ours')]
+        rows.append([test, per[0][3], *(r[0] for r in per), ours[0] / ours[2], *(r[1] for r in per)])
     means = ['mean', '', *(float(np.mean([row[2 + i] for row in rows])) for i in range(2 * len(METHODS) + 1))]
     report.table(
         'left_out',

@@ -155,6 +155,7 @@ def learn_correction(behaviours, sequences, progress=False):
     people = [sequence.group for sequence, _ in every]
     labels = np.array(people if len(set(people)) >= FEWEST_PEOPLE else [str(k) for k in range(len(every))])
     count = len(HORIZONS)
+    step = 1 if len(histories.positions) < 3000 else 3  # errors of successive frames say much the same
     neutral = Correction(histories, HORIZONS, np.ones((2, count)), np.ones((2, count)))
     found, who = [], []
     for label in tqdm(sorted(set(labels)), desc='weights of histories', leave=False,
@@ -168,7 +169,7 @@ def learn_correction(behaviours, sequences, progress=False):
             continue
         predictor = CorrectedPredictor(FullPredictor(reduced), replace(neutral, histories=rest))
         for index in left_out:
-            errors = _errors(predictor, every[index][0])
+            errors = _errors(predictor, every[index][0], step)
             if errors is not None:
                 found.append(errors)
                 who.append(people[index])
@@ -201,8 +202,11 @@ def _without(behaviour, sequences):
                    velocity=behaviour.velocity)
 
 
-def _errors(predictor, sequence):
-    """Errors of filter and memory and standard deviations, (N, H, D), and whether it searched, (N,); None if short."""
+def _errors(predictor, sequence, step):
+    """Errors of filter and memory and standard deviations, (N, H, D), and whether it searched, (N,); None if short.
+
+    At every ``step``-th frame.
+    """
     y, rate = sequence.y, sequence.rate_hz
     last = len(y) - 1 - int(np.ceil(HORIZONS[-1] * rate - 1e-9))
     if last < 1:
@@ -212,6 +216,8 @@ def _errors(predictor, sequence):
     predictor.reset()
     for frame in range(last + 1):
         estimate = predictor.update(frame / rate, y[frame])
+        if frame % step:
+            continue
         wanted = frame + HORIZONS * rate
         left = np.minimum((wanted + 1e-9).astype(int), len(frames) - 2)
         actual = y[left] + (wanted - left)[:, None] * (y[left + 1] - y[left])

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from style_core.alignment import cycle_shift, fit_cycle, harmonic_design, period, refine_phase
+from style_core.effort.warping import warp
 from style_core.errors import MotionError
 from style_core.phase_style.gaussian_process import fit_process
 from style_core.phase_style.model import Behaviour
@@ -171,7 +172,8 @@ def active_span(sequence, share=0.1):
 def align_discrete(sequences, rounds=6):
     """Common phase of discrete sequences, 0 at the start and 1 at the goal (eq. 5 with shift 0).
 
-    Starts from the linear phase of the active span, then refines each phase against the mean motion.
+    Starts from dynamic time warping onto the recording that all others resemble most, whose own phase is linear; then
+    refines each phase against the mean motion.
 
     Parameters
     ----------
@@ -184,7 +186,7 @@ def align_discrete(sequences, rounds=6):
     Aligned
     """
     grid = np.linspace(0, 1, SAMPLES)
-    phases = [np.linspace(0, 1, len(sequence.y)) for sequence in sequences]
+    phases = _warped(sequences)
     acceleration = float(np.mean([(sequence.rate_hz / len(sequence.y)) ** 3 for sequence in sequences]))
     cycles = np.array([_on_grid(sequence.y, phase, grid) for sequence, phase in zip(sequences, phases)])
     for _ in range(rounds if len(sequences) > 1 else 0):
@@ -201,6 +203,18 @@ def align_discrete(sequences, rounds=6):
         phases = [_start_to_goal(phase) for phase in phases]
         cycles = np.array([_on_grid(sequence.y, phase, grid) for sequence, phase in zip(sequences, phases)])
     return Aligned(phases, cycles, grid, acceleration)
+
+
+def _warped(sequences):
+    """Phases by time warping of the postures (each recording's mean set aside) onto the most central recording."""
+    centred = [sequence.y - sequence.y.mean(axis=0) for sequence in sequences]
+    paths = [[warp(y, reference) for y in centred] for reference in centred]
+    central = int(np.argmin([sum(path.mean_cost for path in row) for row in paths]))
+    phases = []
+    for y, path in zip(centred, paths[central]):
+        frames = np.bincount(path.rows, path.columns, len(y)) / np.bincount(path.rows, minlength=len(y))
+        phases.append(_start_to_goal(frames))
+    return phases
 
 
 def _start_to_goal(phase):
