@@ -31,12 +31,12 @@ def link(name, shape=None, colour='0.8 0.8 0.85 1'):
             f'    </visual>\n  </link>\n')
 
 
-def joint(name, parent, child, origin, axis, limits, velocity=6.0):
+def joint(name, parent, child, origin, axis, limits, velocity=10.0, effort=100.0):
     """A revolute joint, or a fixed one where ``axis`` is None."""
     kind = 'fixed' if axis is None else 'revolute'
     inside = '' if axis is None else (
         f'    <axis xyz="{numbers(axis)}"/>\n'
-        f'    <limit lower="{limits[0]:.5g}" upper="{limits[1]:.5g}" effort="10" velocity="{velocity:g}"/>\n')
+        f'    <limit lower="{limits[0]:.5g}" upper="{limits[1]:.5g}" effort="{effort:g}" velocity="{velocity:g}"/>\n')
     return (f'  <joint name={quoteattr(name)} type="{kind}">\n    <parent link={quoteattr(parent)}/>\n'
             f'    <child link={quoteattr(child)}/>\n    <origin xyz="{numbers(origin)}" rpy="0 0 0"/>\n{inside}'
             f'  </joint>\n')
@@ -52,7 +52,7 @@ def humanoid():
 
     def add(name, parent, origin, axis, shape):
         child = name + '_link'
-        parts.extend([link(child, shape), joint(name, parent, child, origin, axis, (-WIDE, WIDE))])
+        parts.extend([link(child, shape), joint(name, parent, child, origin, axis, (-WIDE, WIDE), 4.5, 4.1)])
         return child
     for side, s in (('l', 1), ('r', -1)):
         at = add(f'{side}_hip_yaw', 'body_link', (0, 0.035 * s, 0), (0, 0, -1), ((0, 0, -0.01), (0.03, 0.03, 0.02)))
@@ -85,7 +85,8 @@ def exosuit():
             child = f'{side}_{child}'
             shape = ((0, 0, -0.5 * length), (0.08, 0.08, 0.9 * length)) if length else \
                 ((0.06, 0, -0.06), (0.24, 0.09, 0.04))
-            parts.extend([link(child, shape), joint(name, parent, child, origin, axis, limits)])
+            motor = (4.0, 4.1) if child.endswith('foot') else (3.0, 10.6)
+            parts.extend([link(child, shape), joint(name, parent, child, origin, axis, limits, *motor)])
         parts.extend([link(f'{side}_toe'),
                       joint(f'{side}_tip', f'{side}_foot', f'{side}_toe', (0.18, 0, -0.06), None, ())])
     return robot('exosuit6', parts)

@@ -4,7 +4,7 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.task import Future
 
 from style_core.errors import ModelError, MotionError, UsageError
-from style_core.synthesis.performer import Performer
+from style_core.synthesis.performer import Performer, window_times
 from style_msgs.action import Synthesize
 from style_synth.inputs import score_of
 from style_synth.outputs import status_message, trajectory_message
@@ -13,6 +13,8 @@ __all__ = ['SynthesizeServer']
 
 #: of motion computed between two looks at everything else, s
 CHUNK_S = 0.5
+#: further ahead that counts, s
+AHEAD_S = 0.3
 MOST_S = 600.0
 STOP_S = 0.5
 
@@ -28,11 +30,11 @@ class _Job:
         self.outcome, self.performer, self.end = '', None, 0.0
 
     def record(self, performer, seconds):
-        """Compute or note ``seconds`` of motion from a performer that is advanced elsewhere."""
+        """Note the next ``seconds`` of what a performer's last window says."""
         count = int(np.floor((self.time + seconds) / self.step + 1e-9)) - int(np.floor(self.time / self.step + 1e-9))
         offset = (np.floor(self.time / self.step + 1e-9) + 1) * self.step - self.time
         if count:
-            positions, velocities = performer.window(offset + self.step * np.arange(count))
+            positions, velocities = performer.at(offset + self.step * np.arange(count))
             self.positions.append(positions)
             self.velocities.append(velocities)
         self.time += seconds
@@ -153,6 +155,7 @@ class SynthesizeServer:
             self._finish('cancelled')
             return
         seconds = min(CHUNK_S, job.duration - job.time)
+        job.performer.window(window_times(job.step, CHUNK_S + AHEAD_S))
         job.record(job.performer, seconds)
         job.performer.advance(seconds)
         if job.time >= job.duration - 1e-9:

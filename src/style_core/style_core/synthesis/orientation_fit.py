@@ -63,6 +63,8 @@ class Plan:
     matches : tuple of Match
     inputs : mapping of str to tuple of str
         Pattern of robot joints -> patterns of the channels that may move them.
+    motors : mapping of str to mapping
+        Pattern of robot joints -> ``velocity`` (rad/s) and ``acceleration`` (rad/s^2) of their motors.
     """
 
     name: str
@@ -70,17 +72,23 @@ class Plan:
     robot: Skeleton
     matches: Tuple[Match, ...]
     inputs: Mapping[str, Tuple[str, ...]]
+    motors: Mapping[str, Mapping[str, float]]
 
     def channels(self, joint, names):
         """Channels among ``names`` that move a robot joint."""
-        for pattern, wanted in self.inputs.items():
-            if fnmatchcase(joint, pattern):
-                return matching_names(names, wanted)
-        return ()
+        return matching_names(names, _first_match(self.inputs, joint, ()))
+
+    def motor(self, joint):
+        """What the motor of a joint can do: ``velocity`` and ``acceleration`` where known."""
+        return _first_match(self.motors, joint, {})
+
+
+def _first_match(entries, joint, otherwise):
+    return next((entry for pattern, entry in entries.items() if fnmatchcase(joint, pattern)), otherwise)
 
 
 def read_plan(path):
-    """Read a plan from YAML: ``name``, ``urdf`` (beside it), ``match`` (a list of mappings), ``inputs``.
+    """Read a plan from YAML: ``name``, ``urdf`` (beside it), ``match`` (a list of mappings), ``inputs``, ``motors``.
 
     Raises
     ------
@@ -94,11 +102,15 @@ def read_plan(path):
         matches = tuple(Match(one['link'], tuple(float(x) for x in one['along']), one['body'], one.get('to', 'bone'),
                               one.get('base', 'root'), float(one.get('weight', 1.0))) for one in content['match'])
         inputs = {str(joint): tuple(channels) for joint, channels in content['inputs'].items()}
-        plan = Plan(str(content['name']), str(content['urdf']), robot, matches, inputs)
+        motors = {str(joint): {key: float(motor[key]) for key in motor}
+                  for joint, motor in content.get('motors', {}).items()}
+        plan = Plan(str(content['name']), str(content['urdf']), robot, matches, inputs, motors)
     except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
         if isinstance(error, (ModelError, MotionError)):
             raise
         raise ModelError(f'{path} is no plan of what to match: {error!r}') from None
+    if not all(set(motor) <= {'velocity', 'acceleration'} for motor in motors.values()):
+        raise ModelError(f'{path}: motors have velocity and acceleration, and nothing else')
     unknown = [match.link for match in matches if match.link not in robot.body_names]
     if unknown:
         raise ModelError(f'{path}: the robot has no link {unknown[0]}')
@@ -247,7 +259,8 @@ def fit_map(plan, motions, targets):
     return Robot(plan.name, {
         joint: RobotJoint({names[c]: float(g) for c, g in zip(columns[j], theta[starts[j]:])},
                           float(theta[ends[j] - 1]),
-                          (float(low[j]), float(high[j])) if np.isfinite(low[j] + high[j]) else None)
+                          (float(low[j]), float(high[j])) if np.isfinite(low[j] + high[j]) else None,
+                          **plan.motor(joint))
         for j, joint in enumerate(joints)}, plan.urdf)
 
 

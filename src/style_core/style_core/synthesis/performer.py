@@ -3,6 +3,7 @@ import numpy as np
 
 from style_core.errors import ModelError
 from style_core.live.playback import quintic
+from style_core.synthesis.motor_limits import MotorLimits
 
 __all__ = ['Performer', 'window_times']
 
@@ -22,7 +23,10 @@ def window_times(step, horizon):
 
 
 class Performer:
-    """A source moving a robot. Position, velocity and acceleration stay continuous when the source is exchanged.
+    """A source moving a robot, within its limits.
+
+    Position, velocity and acceleration asked for stay continuous when the source is exchanged; what a motor cannot do
+    is replaced by the nearest it can, see `style_core.synthesis.motor_limits`.
 
     Parameters
     ----------
@@ -34,6 +38,8 @@ class Performer:
         self.robot = robot
         self.source, self._bound = source, robot.bind(source.joint_names)
         self.joint_names = self._bound.joint_names
+        bound = self._bound
+        self.limits = MotorLimits(bound.lower, bound.upper, bound.velocity, bound.acceleration)
         self._next = None
         self._decay, self._age, self._length = None, 0.0, 0.0
         self.elapsed = 0.0
@@ -89,6 +95,7 @@ class Performer:
     def advance(self, dt):
         """Let ``dt`` seconds pass."""
         self.source.advance(dt)
+        self.limits.advance(dt)
         if self._next is not None:
             self._next[0].advance(dt)
         self.elapsed += dt
@@ -99,8 +106,14 @@ class Performer:
         self._take_over()
 
     def window(self, ahead):
-        """Positions and velocities of the robot's joints, shape (K, R) each, at times ahead (K,), s."""
-        return self._bound.limit(*self._free(np.asarray(ahead, dtype=float)))
+        """Positions and velocities of the robot's joints to send, shape (K, R) each, at times ahead (K,), s."""
+        ahead = np.asarray(ahead, dtype=float)
+        return self.limits.window(ahead, *self._bound.limit(*self._free(ahead)))
+
+    def at(self, ahead):
+        """The same as the last window has them, at any times within it."""
+        ahead = np.asarray(ahead, dtype=float)
+        return self.limits.at(ahead, *self._bound.limit(*self._free(ahead)))
 
     def _free(self, ahead):
         """The same before limits."""

@@ -26,11 +26,15 @@ class RobotJoint:
         Rad.
     limits : tuple of float, optional
         Lower and upper, rad.
+    velocity, acceleration : float
+        Limits of the motor, rad/s and rad/s^2; infinite where there are none.
     """
 
     terms: Mapping[str, float]
     offset: float = 0.0
     limits: Optional[Tuple[float, float]] = None
+    velocity: float = np.inf
+    acceleration: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +45,7 @@ class BoundRobot:
     ----------
     joint_names : tuple of str, length R
     gain : ndarray, shape (R, D)
-    offset, lower, upper : ndarray, shape (R,)
+    offset, lower, upper, velocity, acceleration : ndarray, shape (R,)
         Limits are infinite where there are none.
     """
 
@@ -50,6 +54,8 @@ class BoundRobot:
     offset: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
 
     def combine(self, positions, velocities):
         """Robot positions and velocities, shape (..., R) each, of the model's, shape (..., D); not limited yet."""
@@ -116,9 +122,9 @@ class Robot:
         for row, joint in enumerate(joints.values()):
             for name, value in joint.terms.items():
                 gain[row, column[name]] = value
-        limits = np.array([joint.limits or (-np.inf, np.inf) for joint in joints.values()])
-        return BoundRobot(tuple(joints), gain, np.array([joint.offset for joint in joints.values()]),
-                          limits[:, 0].copy(), limits[:, 1].copy())
+        numbers = np.array([(joint.offset, *(joint.limits or (-np.inf, np.inf)), joint.velocity, joint.acceleration)
+                            for joint in joints.values()])
+        return BoundRobot(tuple(joints), gain, *np.ascontiguousarray(numbers.T))
 
 
 def plain_robot():
@@ -130,8 +136,10 @@ def read_robot(path):
     """Read a robot from YAML.
 
     The file holds ``joints``: robot joint -> mapping with ``from`` (a model joint, or a mapping of model joints to
-    gains; left out for a joint that stands still) and, as needed, ``sign``, ``scale``, ``offset`` (rad) and ``limits``
-    (rad); optionally ``name``, ``urdf`` and ``unlisted: keep`` or ``drop`` (default) for model joints not used.
+    gains; left out for a joint that stands still) and, as needed, ``sign``, ``scale``, ``offset`` (rad), ``limits``
+    (rad), and what the motor can do: ``velocity`` (rad/s) and ``acceleration`` (rad/s^2). Optional are ``defaults``
+    (``velocity`` and ``acceleration`` of joints that do not say), ``name``, ``urdf``, and ``unlisted: keep`` or
+    ``drop`` (default) for model joints not used.
 
     Raises
     ------
@@ -143,24 +151,29 @@ def read_robot(path):
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
         raise ModelError(f'robot {path} cannot be read: {error}') from None
-    known = {'name', 'urdf', 'joints', 'unlisted'}
+    known = {'name', 'urdf', 'joints', 'unlisted', 'defaults'}
     if not isinstance(content, dict) or not set(content) <= known or not isinstance(content.get('joints', {}), dict):
-        raise ModelError(f'robot {path} must hold joints, may hold name, urdf and unlisted, and nothing else')
+        raise ModelError(f'robot {path} must hold joints, may hold name, urdf, defaults and unlisted, and nothing else')
+    defaults = content.get('defaults') or {}
+    if not isinstance(defaults, dict) or not set(defaults) <= {'velocity', 'acceleration'}:
+        raise ModelError(f'{path}: defaults may hold velocity and acceleration, and nothing else')
     if content.get('unlisted', 'drop') not in ('keep', 'drop'):
         raise ModelError(f'{path}: unlisted must be keep or drop, not {content["unlisted"]!r}')
     joints = {}
     for name, entry in (content.get('joints') or {}).items():
         try:
-            joints[str(name)] = _joint(entry or {})
+            joints[str(name)] = _joint(entry or {}, defaults)
         except (ModelError, TypeError) as error:
             raise ModelError(f'{path}, joint {name}: {error}') from None
     return Robot(str(content.get('name', path.stem)), joints, str(content.get('urdf', '')),
                  content.get('unlisted', 'drop') == 'keep')
 
 
-def _joint(entry):
-    if not isinstance(entry, dict) or not set(entry) <= {'from', 'sign', 'scale', 'offset', 'limits'}:
-        raise ModelError('may have from, sign, scale, offset and limits, and nothing else')
+def _joint(entry, defaults):
+    if not isinstance(entry, dict) or not set(entry) <= {'from', 'sign', 'scale', 'offset', 'limits', 'velocity',
+                                                         'acceleration'}:
+        raise ModelError('may have from, sign, scale, offset, limits, velocity and acceleration, and nothing else')
+    motor = {**defaults, **{key: entry[key] for key in ('velocity', 'acceleration') if key in entry}}
     source = entry.get('from') or {}
     if isinstance(source, str):
         source = {source: 1.0}
@@ -168,21 +181,33 @@ def _joint(entry):
     if not isinstance(source, dict) or (limits is not None and (not isinstance(limits, list) or len(limits) != 2)):
         raise ModelError('from must be a joint or a mapping of joints to gains, limits [lower, upper]')
     sign, scale, offset = entry.get('sign', 1), entry.get('scale', 1.0), entry.get('offset', 0.0)
-    numbers = [sign, scale, offset, *source.values(), *(limits or ())]
+    numbers = [sign, scale, offset, *source.values(), *(limits or ()), *motor.values()]
     if any(isinstance(x, bool) or not isinstance(x, (int, float)) or not np.isfinite(x) for x in numbers):
         raise ModelError('sign, scale, offset, gains and limits must be finite numbers')
+    if not all(limit > 0 for limit in motor.values()):
+        raise ModelError('velocity and acceleration must be positive')
     if sign not in (1, -1) or scale <= 0:
         raise ModelError('sign must be 1 or -1, and scale positive')
     if limits and limits[0] >= limits[1]:
         raise ModelError(f'limits must be [lower, upper] with lower < upper, not {limits}')
     return RobotJoint({str(joint): sign * scale * float(gain) for joint, gain in source.items()}, float(offset),
-                      (float(limits[0]), float(limits[1])) if limits else None)
+                      (float(limits[0]), float(limits[1])) if limits else None,
+                      **{key: float(limit) for key, limit in motor.items()})
 
 
 def write_robot(robot, path, comment=''):
     """Write a robot as YAML that `read_robot` reads, gains to four places; ``comment`` lines go first."""
     lines = [f'# {line}'.rstrip() for line in comment.splitlines()]
-    lines += [f'name: {robot.name}'] + ([f'urdf: {robot.urdf}'] if robot.urdf else []) + ['joints:']
+    lines += [f'name: {robot.name}'] + ([f'urdf: {robot.urdf}'] if robot.urdf else [])
+    common = {}
+    for key in ('velocity', 'acceleration'):
+        values = [getattr(joint, key) for joint in robot.joints.values()]
+        most = max(values, key=values.count, default=np.inf)
+        if np.isfinite(values).all() and values:
+            common[key] = most
+    if common:
+        lines.append('defaults: {' + ', '.join(f'{key}: {value:g}' for key, value in common.items()) + '}')
+    lines.append('joints:')
     for name, joint in robot.joints.items():
         parts = []
         if joint.terms:
@@ -192,5 +217,7 @@ def write_robot(robot, path, comment=''):
             parts.append(f'offset: {joint.offset:.4f}')
         if joint.limits:
             parts.append(f'limits: [{joint.limits[0]:.4f}, {joint.limits[1]:.4f}]')
+        parts += [f'{key}: {getattr(joint, key):g}' for key in ('velocity', 'acceleration')
+                  if np.isfinite(getattr(joint, key)) and getattr(joint, key) != common.get(key)]
         lines.append(f'  {name}: {{' + ', '.join(parts) + '}')
     Path(path).write_text('\n'.join(lines) + '\n', encoding='utf-8')

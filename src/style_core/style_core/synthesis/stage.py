@@ -266,7 +266,14 @@ class Stage:
     def finished(self):
         """Whether what was performed has come to rest."""
         return (self.performer is not None and self.performer.ready and not self.performer.blending
-                and self.performer.coming.remaining <= 0)
+                and self.performer.coming.remaining <= 0 and self.performer.limits.settled)
+
+    def take_saturation(self):
+        """Joint -> how far it stayed behind what its motor cannot do, since this was asked last, at most; rad."""
+        if self.performer is None:
+            return {}
+        most = self.performer.limits.take_most()
+        return {self.joint_names[k]: float(most[k]) for k in np.argsort(-most) if most[k] > 0}
 
     def standing(self):
         """A `Standing`: what to report."""
