@@ -7,6 +7,7 @@ import harness
 import launch_testing
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from harness import Probe, small_model, stamp_of
 from launch import LaunchDescription
 from launch.actions import IncludeLaunchDescription
@@ -14,13 +15,16 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch_testing.actions import ReadyToTest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
 from style_core.formats import write_motion
 from style_core.synthesis.retargeting import read_robot
+from style_core.synthesis.sources import hermite
 from style_core.synthetic import synthetic_people
 from style_msgs.msg import BridgeState, SynthesisStatus
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+WALK_S = 20.0
 FOLDER = Path(tempfile.mkdtemp(prefix='mirror_test_'))
 
 
@@ -43,34 +47,60 @@ def generate_test_description():
 class TestMirror(unittest.TestCase):
     """The whole chain."""
 
-    def test_the_robot_walks_with_the_person(self):
+    def test_the_robot_walks_with_the_person_at_full_speed(self):
+        """The knees of this walk are asked for more than the 4.5 rad/s of their servos."""
         probe = Probe('servo_bridge', {
             '/servo_bridge/state': (BridgeState, LATCHED), '/synthesizer/status': (SynthesisStatus, LATCHED),
-            '/servo_bridge/command': (JointState, None), '/joint_states': (JointState, None)})
+            '/servo_bridge/command': (JointState, None), '/joint_states': (JointState, None),
+            '/joint_trajectory': (JointTrajectory, None), '/diagnostics': (DiagnosticArray, None)})
         try:
             states = probe.heard['/servo_bridge/state']
             self.assertTrue(probe.wait(lambda: states and states[-1].state == BridgeState.STREAMING, 60.0),
                             states[-1].reason if states else 'no bridge')
             for messages in probe.heard.values():
                 messages.clear()
-            probe.spin(4.0)
-            commands = probe.heard['/servo_bridge/command']
-            robot = read_robot(harness.ROOT / 'config' / 'robots' / 'humanoid20.yaml')
-            self.assertEqual(set(commands[-1].name), set(robot.joints))
-            positions = np.array([message.position for message in commands])
-            times = np.array([1e-9 * stamp_of(message) for message in commands])
-            self.assertTrue(np.isfinite(positions).all())
-            swing = np.ptp(positions, axis=0)[commands[-1].name.index('l_knee')]
-            self.assertGreater(swing, 0.3, 'the knee hardly moves')
-            # the servos' own limit of 4.5 rad/s, with room for late stamps
-            steps = np.abs(np.diff(positions, axis=0)) / np.maximum(np.diff(times), 0.02)[:, None]
-            self.assertLess(np.median(steps.max(axis=1)), 4.6)
-            measured = np.array([m.position for m in probe.heard['/joint_states'] if len(m.position) == 20])
-            self.assertGreater(np.ptp(measured, axis=0).max(), 0.3, 'the servos do not follow')
-            self.assertEqual(probe.heard['/synthesizer/status'][-1].state, SynthesisStatus.PLAYING)
-            self.assertGreater(states[-1].accepted, 20)
+            probe.spin(WALK_S)
+            heard = probe.heard
+            self.assertGreater(len(states), 10)
+            self.assertEqual({state.state for state in states}, {BridgeState.STREAMING},
+                             {state.reason for state in states})
+            self.assertGreater(states[-1].accepted, states[0].accepted + 20 * WALK_S)
+            self.assertEqual({status.state for status in heard['/synthesizer/status']}, {SynthesisStatus.PLAYING})
+            self.check_windows(heard['/joint_trajectory'])
+            self.check_commands(heard['/servo_bridge/command'], heard['/joint_states'])
+            saturated = [pair.value for message in heard['/diagnostics'] for status in message.status
+                         for pair in status.values if pair.key.startswith('saturated')]
+            self.assertTrue(any('knee' in value for value in saturated), saturated)
         finally:
             probe.close()
+
+    def check_windows(self, windows):
+        """No motor is asked for more than it can do, and every window goes on where the one before is by then."""
+        robot = read_robot(harness.ROOT / 'config' / 'robots' / 'humanoid20.yaml')
+        joints = [robot.joints[name] for name in windows[0].joint_names]
+        most, bend = (np.array([getattr(joint, key) for joint in joints]) for key in ('velocity', 'acceleration'))
+        before = None
+        for message in windows:
+            times = 1e-9 * stamp_of(message) + np.array([
+                p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points])
+            q, v = (np.array([getattr(p, key) for p in message.points]) for key in ('positions', 'velocities'))
+            self.assertTrue((np.abs(v) <= most).all())
+            self.assertTrue((np.abs(np.diff(v, axis=0)) <= 1.01 * bend * np.diff(times)[:, None]).all())
+            if before is not None and times[0] < before[0][-1]:
+                for now, then in zip((q, v), hermite(*before, times[:1])):
+                    gap = np.abs(now[0] - then[0]).max()
+                    self.assertLess(gap, 2e-3 if now is q else 0.1)
+            before = times, q, v
+
+    def check_commands(self, commands, reports):
+        """The servos get them, and follow."""
+        positions = np.array([message.position for message in commands])
+        self.assertEqual(len(commands[-1].name), 20)
+        self.assertTrue(np.isfinite(positions).all())
+        swing = np.ptp(positions, axis=0)[commands[-1].name.index('l_knee')]
+        self.assertGreater(swing, 0.5, 'the knee hardly moves')
+        measured = np.array([m.position for m in reports if len(m.position) == 20])
+        self.assertGreater(np.ptp(measured, axis=0).max(), 0.5, 'the servos do not follow')
 
 
 @launch_testing.post_shutdown_test()
@@ -78,4 +108,4 @@ class TestShutdown(unittest.TestCase):
     """Nothing crashes on the way out."""
 
     def test_exit_codes(self, proc_info):
-        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=[0, 1, -2, -15, 130])
+        launch_testing.asserts.assertExitCodes(proc_info, allowable_exit_codes=[0, -2, -15, 130])

@@ -63,7 +63,7 @@ class SynthesizerNode(SoundLifecycleNode):
         self.tally = Tally()
         self._outputs = Outputs(self, stage.joint_names, self._ahead)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._inputs, self._services, self._action = Inputs(self), Services(self, self._load), SynthesizeServer(self)
+        self._inputs, self._offered, self._action = Inputs(self), Services(self, self._load), SynthesizeServer(self)
         self._timers_made = [self.create_timer(1.0 / values['rate'], self._tick),
                              self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))]
         self._told, self._status_due, self._at_rest = None, 0.0, False
@@ -93,7 +93,7 @@ class SynthesizerNode(SoundLifecycleNode):
         self._action.destroy()
         self.stage = None
         self._inputs.destroy()
-        self._services.destroy()
+        self._offered.destroy()
         for one in self._timers_made:
             self.destroy_timer(one)
         self.destroy_publisher(self._diagnostics)
