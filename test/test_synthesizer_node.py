@@ -164,6 +164,7 @@ class TestSynthesizer(unittest.TestCase):
         probe = self.probe
         self.assertEqual(probe.set_parameters(speed=0.0), '')
         self.assertTrue(probe.wait(lambda: self.status().speed == 0.0, 5.0))
+        probe.spin(0.7)     # what was left over from limits of the motors fades
         velocities = self.collect(0.4)[2]
         self.assertLess(np.abs(velocities).max(), 1e-6)
         self.assertEqual(probe.set_parameters(speed=1.0), '')
