@@ -116,7 +116,7 @@ def load_model(path, kind=None):
         raise ModelError(f'{path} has format version {header["format_version"]}, this program reads '
                          f'{FORMAT_VERSION}: train it again or use the matching version of style_core')
     if kind is not None and header['kind'] != kind:
-        raise ModelError(f'{path} holds a {header["kind"]} model, but a {kind} model is needed here')
+        raise ModelError(f'{path} holds a model of kind {header["kind"]}, but kind {kind} is needed here')
     return header, arrays
 
 

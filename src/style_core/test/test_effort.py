@@ -399,6 +399,10 @@ def test_restyling_moves_effort_towards_what_was_asked(made_library):
     efforts = [np.mean([library.computed_effort(library.blend(c.blend), library.groups[c.segment.fragment])[1]
                         for c in result.choices]) for result in (light, strong)]
     assert efforts[0] < -0.5 < 0.5 < efforts[1]
+    assert max(light.distances) < library.threshold
+    # content that the library lacks is said to be so
+    strange = restyle(library, made_motion('strange', seed=77, travel=0.5), (0, 0, 0))
+    assert min(strange.distances) > library.threshold
 
 
 def test_restyled_motion_leads_where_the_input_leads(made_library):

@@ -147,6 +147,8 @@ def test_degenerate_recordings(gaits):
         learn([gaits[0].slice(0, 0.5)], 1)
     with pytest.raises(MotionError, match='no recordings'):
         learn([], 2)
+    with pytest.raises(MotionError, match="'blank' holds no value"):
+        learn([gaits[0], gaits[1].replace(positions=np.full(gaits[1].positions.shape, np.nan), name='blank')], 1)
     with pytest.raises(MotionError, match='left_knee'):
         learn([gaits[0], gaits[1].select('!left_knee')], 2)
     with pytest.raises(MotionError, match='leave such joints out'):

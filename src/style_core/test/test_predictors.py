@@ -80,6 +80,8 @@ def test_commands_predict_and_evaluate(folder, kind, tmp_path, capsys):
     assert main(['evaluate', model, file, '--json']) == 0
     (found,) = json.loads(capsys.readouterr().out)['recordings'].values()
     assert found['error_deg2'] < 0.5 * found['zero_velocity_error_deg2']
+    assert main(['evaluate', model, file, '--horizon', '1000']) == 1
+    assert 'too short' in capsys.readouterr().err
     out, std = tmp_path / 'next.csv', tmp_path / 'std.csv'
     assert main(['predict', model, file, '--at', '1.5', '--seconds', '0.3', '-o', str(out), '--std', str(std)]) == 0
     assert ('phase nan' not in capsys.readouterr().out) and out.exists() and std.exists()

@@ -41,6 +41,7 @@ def run(args):
     model = load(args.model)
     if args.rename:
         model = _rename(model, args)
+        print(f'styles of {args.model}: {", ".join(model.style_names)}')
     if not args.files:
         if args.rename:
             return

@@ -51,18 +51,23 @@ def run(args):
     kind = 'measured' if library.labeller == 'computed' else 'predicted'
     choices = [{'from_s': choice.segment.start / library.rate_hz, 'to_s': choice.segment.stop / library.rate_hz,
                 'matches': library.names[choice.segment.fragment], 'first': library.names[choice.blend.first],
-                'second': library.names[choice.blend.second], 'alpha': choice.blend.alpha,
+                'second': library.names[choice.blend.second], 'alpha': choice.blend.alpha, 'distance': distance,
                 **{f'{kind}_{name}': float(value) for name, value in zip(EFFORTS, choice.effort)}}
-               for choice in result.choices]
+               for choice, distance in zip(result.choices, result.distances)]
     if args.picture:
         from style_core.pictures import save, stick_strip
         save(stick_strip(skeleton, [('recorded', motion), ('restyled', result.motion)]), args.picture)
     if args.json:
-        print(json.dumps({'output': args.output, 'labels': library.labeller, 'pieces': choices}, indent=1))
+        print(json.dumps({'output': args.output, 'labels': library.labeller, 'threshold': library.threshold,
+                          'pieces': choices}, indent=1))
         return
     print(f'{"from":>7} {"to":>7}  {"matches":<20} {"blend":<44} {kind} ' + ' '.join(EFFORTS))
     for choice in choices:
         blend = f'{choice["first"]} ~ {choice["second"]} @ {choice["alpha"]:.2f}'
         print(f'{choice["from_s"]:6.2f}s {choice["to_s"]:6.2f}s  {choice["matches"]:<20} {blend:<44} '
               + ' '.join(f'{choice[f"{kind}_{name}"]:+.2f}' for name in EFFORTS))
+    unlike = [choice for choice in choices if choice['distance'] > library.threshold]
+    if unlike:
+        print(f'{len(unlike)} of {len(choices)} pieces are unlike every fragment (the first at '
+              f'{unlike[0]["from_s"]:.2f} s): their content is not in the library')
     print(f'wrote {args.output} ({result.motion.duration_s:.2f} s, was {motion.duration_s:.2f} s)')

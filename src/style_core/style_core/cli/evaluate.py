@@ -15,7 +15,7 @@ import numpy as np
 from tqdm import tqdm
 
 from style_core.cli.predictor_arguments import add_method, add_reading, hide, predictor_of, read
-from style_core.errors import UsageError
+from style_core.errors import MotionError, UsageError
 from style_core.evaluation import FRAMES_AHEAD, RATE_HZ, paper_horizons, roll_out, summary
 
 __all__ = ['add_arguments', 'run']
@@ -41,6 +41,9 @@ def run(args):
     results = {}
     for path in tqdm(args.files, desc='evaluating', unit='file', disable=None, leave=False):
         motion = read(path, args).joints(list(names)).resample(RATE_HZ)
+        if motion.n_frames <= args.horizon:
+            raise MotionError(f'{path} has {motion.n_frames} frames at {RATE_HZ:g} Hz: too short to score a prediction '
+                              f'of {args.horizon} frames (--horizon)')
         _, hidden = hide(motion, names, args.mask)
         observed = np.ones(motion.positions.shape, dtype=bool)
         observed[:, [names.index(name) for name in hidden]] = False

@@ -8,6 +8,7 @@ from style_core.effort.joins import Joiner
 from style_core.effort.library import COMPUTED, Blend
 from style_core.effort.pose import Poses
 from style_core.effort.segmentation import Segment, Segmenter
+from style_core.effort.warping import warp
 from style_core.errors import UsageError
 
 __all__ = ['Choice', 'Restyled', 'choose_blend', 'restyle', 'LiveRestyler']
@@ -27,10 +28,11 @@ class Choice(NamedTuple):
 
 
 class Restyled(NamedTuple):
-    """A restyled motion and how it was made."""
+    """A restyled motion and how it was made; ``distances`` (as `content_distances`) of each piece to its fragment."""
 
     motion: object
     choices: Tuple[Choice, ...]
+    distances: Tuple[float, ...]
 
 
 def checked_target(target):
@@ -213,4 +215,7 @@ def restyle(library, motion, target, neighbours=6, verify=None):
     start = library.space.encode(motion).start
     root = np.concatenate([part.root for part in parts]) if library.space.has_root else None
     poses = Poses(np.concatenate([part.joints for part in parts]), root, start)
-    return Restyled(library.space.decode(poses, library.rate_hz, name=motion.name), tuple(restyler.choices))
+    joints = library.space.encode(motion).joints * library.scale
+    distances = tuple(warp(joints[choice.segment.start:choice.segment.stop],
+                           library.sequences[choice.segment.fragment]).mean_cost for choice in restyler.choices)
+    return Restyled(library.space.decode(poses, library.rate_hz, name=motion.name), tuple(restyler.choices), distances)

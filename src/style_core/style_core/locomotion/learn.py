@@ -235,6 +235,8 @@ def features_of(motions, rate_hz=None):
     for motion in motions:
         if motion.n_frames < 2:
             raise MotionError(f'motion {motion.name!r} has a single frame')
+        if not np.isfinite(motion.positions).any():
+            raise MotionError(f'motion {motion.name!r} holds no value')
         differing = set(motion.joint_names) ^ set(features.joint_names)
         if differing:
             raise MotionError(f'motion {motion.name!r} and {motions[0].name!r} differ in joints '
