@@ -1,18 +1,20 @@
-"""Speed of the servo path: limiter and interpolation, and the bridge on a simulated chain.
+"""Speed of the servo path: limiter and interpolation, and the bridge node on a simulated chain.
 
     python benchmarks/speed/bench_servo.py              limiter and interpolation only (no ROS, no bus)
-    python benchmarks/speed/bench_servo.py --bridge     also the back end and the whole bridge on 20 simulated servos
+    python benchmarks/speed/bench_servo.py --bridge     also the bridge node on 20 simulated servos
 
-Times of the first table are compared with the same mathematics in plain Python and in scipy, in the same run. The
-bridge's figures depend on how busy the machine is; the load is printed beside them.
+Times of the first table are compared with the same mathematics in plain Python and in scipy, in the same run. For the
+second, the node runs as a process of its own, the simulated chain (a pseudo-terminal) as another; windows of 20 points
+stream in at 50 Hz over the middleware. A period error is the difference between the beginnings of two cycles, less the
+period, as the node counts them in its diagnostics. They depend on how busy the machine is; the load is printed.
 """
 import argparse
 import math
 import os
-import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -20,6 +22,7 @@ from scipy.interpolate import CubicHermiteSpline
 from style_core.live.limiter import Limiter
 from style_core.live.playback import Playback, make_track
 
+ROOT = Path(__file__).resolve().parents[2]
 RATE = 200.0
 
 
@@ -85,7 +88,7 @@ def mathematics():
          'plain Python', microseconds(lambda: plain.step(target, rate), 200)),
         ('interpolation with a decaying difference, a tick', microseconds(lambda: player.sample(0.1)),
          'scipy CubicHermiteSpline and its derivative', microseconds(lambda: (spline(0.1), slope(0.1)))),
-        ('limiter and interpolation, a tick', microseconds(tick), '', math.nan),
+        ('limiter and interpolation, a tick (to be below 30 us)', microseconds(tick), '', math.nan),
         ('a new window of 25 points: polynomials and take-over',
          microseconds(lambda: player.take_over(track(), 0.1, 0.06), 200), 'scipy, making the spline alone',
          microseconds(lambda: CubicHermiteSpline(times, positions, velocities), 200))]
@@ -95,65 +98,73 @@ def mathematics():
         print(f'  {name:55s} {ours:8.2f} us  {versus}')
 
 
-def bridge(seconds):
-    """The back end and the whole bridge at 200 Hz on 20 simulated servos, each in its own process."""
-    from style_core.errors import MotionError
-    from style_servo.backend import BackendFault
-    from style_servo.bridge import Bridge, BridgeSettings, Points
-    from style_servo.bridge_health import CycleTimes
-    from style_servo.chain import Chain, Joint
-    from style_servo.dynamixel_backend import BusSettings, DynamixelBackend
-    joints = tuple(Joint(f'joint_{k}', -1.5, 1.5, 3.0, 30.0, following_error=1.0, id=k, model='XM430-W350')
-                   for k in range(1, 21))
-    chain = Chain(joints)
+def bridge(seconds, priority):
+    """The bridge node at 200 Hz on 20 simulated servos, windows streaming in."""
+    os.environ.setdefault('ROS_LOCALHOST_ONLY', '1')
+    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
+    sys.path.insert(0, str(ROOT / 'test'))
+    try:
+        from servo_rig import ServoRig
+    except ModuleNotFoundError as error:
+        sys.exit(f'{error}: the bridge needs ROS; source install/setup.bash first')
+    from style_servo.hostile import legal_fields
+    from style_servo.states import State
     with tempfile.TemporaryDirectory() as folder:
-        link = os.path.join(folder, 'port')
-        simulator = subprocess.Popen([sys.executable, '-m', 'style_servo.dynamixel_sim', '--link', link, '--servos',
-                                      '1-20:XM430-W350'], stdout=subprocess.PIPE)
-        simulator.stdout.readline()
-        backend = DynamixelBackend(chain, BusSettings(link, reply_timeout=0.02, watchdog=1.0), 1 / RATE)
-        machine = Bridge(chain, backend, BridgeSettings(rate=RATE))
-        times = CycleTimes(1 / RATE)
+        rig = ServoRig(folder, chain='humanoid20.yaml', listen=False, rate=RATE, realtime_priority=priority)
         try:
-            backend.connect()
-            machine.arm(time.monotonic())
-            begin = due = time.monotonic()
-            busy = time.process_time()
-            points = np.linspace(0, 0.4, 25)
-            while due - begin < seconds:
-                due += 1 / RATE
-                time.sleep(max(0.0, due - time.monotonic()))
-                now = time.monotonic()
-                if times.cycles % 2 == 0:
-                    angle = 3 * (now - begin + points)[:, None] + np.arange(20)
-                    machine.submit(Points(chain.names, points, 0.5 * np.sin(angle), 1.5 * np.cos(angle)), now, now)
-                times.done(now, machine.tick(now), time.monotonic() - now)
-            busy = (time.process_time() - busy) / seconds
-            print(f'bridge without middleware, 20 simulated servos, {RATE:g} Hz, {seconds:g} s, {machine.state.name}; '
-                  f'load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors')
-            facts = {**times.report(), 'processor time of the bridge': f'{100 * busy:.0f} %',
-                     'cycles longer than their period': f'{times.missed} of {times.cycles}',
-                     'bus reads without an answer': str(backend.statistics['read errors'])}
-            for name, value in facts.items():
-                print(f'  {name:55s} {value}')
-        except (BackendFault, MotionError) as error:
-            print(f'the bridge gave up ({error}): {machine.reason}')
+            rig.up()
+
+            def stream(duration):
+                end = time.monotonic() + duration
+                while time.monotonic() < end:
+                    rig.send(legal_fields(rig.chain, time.monotonic(), 0.4, 20))
+                    rig.spin(0.02)
+            stream(4.0)
+            assert rig.state is State.STREAMING, rig.reason
+            rig.diagnostics.clear()
+            busy, begin = processor_time(rig.bridge.pid), time.monotonic()
+            stream(seconds)
+            busy = (processor_time(rig.bridge.pid) - busy) / (time.monotonic() - begin)
+            state = rig.states[-1]
+            seen = [{value.key: value.value for value in message.status[0].values} for message in rig.diagnostics]
         finally:
-            backend.close()
-            simulator.terminate()
-            simulator.wait()
-            simulator.stdout.close()
+            rig.close()
+    cycles, errors = (np.array([[float(x) for x in one[f'{name} p50, p99, max (ms)'].split(',')] for one in seen])
+                      for name in ('cycle time', 'period error'))
+    count, off = (int(seen[-1][name]) - int(seen[0][name]) for name in ('cycles', 'periods off by more than 1 ms'))
+    print(f'bridge node, 20 simulated servos, {RATE:g} Hz, {seconds:g} s, {state.accepted} windows, '
+          f'{State(state.state).name}; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors')
+    def written(numbers):
+        return ', '.join(f'{x:.3f}' for x in numbers)
+    rows = {'periods off by more than 1 ms (p99 is below 1 ms under 1 %)': f'{off} of {count}, {100 * off / count:.2f} %',
+            'period error p50, p99, max of a second: median (ms)': written(np.median(errors, axis=0)),
+            'the same: worst (ms)': written(errors.max(axis=0)),
+            'cycle (limit, write, read) p50, worst p99 of a second (ms)':
+                f'{np.median(cycles[:, 0]):.3f}, {cycles[:, 1].max():.3f}',
+            'processor time of the node': f'{100 * busy:.0f} % of one, {1e3 * busy / RATE:.2f} ms a cycle',
+            'cycles longer than their period': str(state.missed_deadlines),
+            'bus errors': str(state.bus_errors)}
+    for name, value in rows.items():
+        print(f'  {name:60s} {value}')
+
+
+def processor_time(pid):
+    """Processor time of a process so far, s."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
 def main():
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--bridge', action='store_true', help='also measure the bridge on a simulated chain')
+    parser.add_argument('--bridge', action='store_true',
+                        help='also measure the bridge node on a simulated chain (needs ROS)')
     parser.add_argument('--seconds', type=float, default=20.0, help='length of that measurement (default %(default)s)')
+    parser.add_argument('--priority', type=int, default=0, help='real-time priority of the node (default: none)')
     arguments = parser.parse_args()
     mathematics()
     if arguments.bridge:
-        bridge(arguments.seconds)
+        bridge(arguments.seconds, arguments.priority)
 
 
 if __name__ == '__main__':

@@ -125,8 +125,10 @@ class Bridge:
         What the last command aimed at before limiting, rad.
     lag : ndarray, shape (D,)
         How far the last command stayed behind its target (brought inside the position limits), rad.
+    playing : float
+        Stamp of the trajectory that plays, s as its sender gave it; 0 where it had none, NaN before the first.
     trace : callable, optional
-        Called for every period's command with time, state, target, command and measured position.
+        Called for every period's command with time, state, target, command, measured position and ``playing``.
     counts : dict
         Trajectories accepted and rejected (by reason), joint commands clamped and rejected, following errors.
     """
@@ -157,6 +159,7 @@ class Bridge:
         self.rejections = {}
         self.estop_held = False
         self.trace = None
+        self.playing = math.nan
         self._ticked = 0.0
         self._pending = deque()
         self._accepted_at = -math.inf
@@ -214,7 +217,8 @@ class Bridge:
             self._limiter.brake()
             self.target[:] = self.command
             if self.trace is not None:
-                self.trace(clock(), self.state, self.target, self.command, self.backend.measurement.position)
+                self.trace(clock(), self.state, self.target, self.command, self.backend.measurement.position,
+                           self.playing)
             self._drive(clock())
             sleep(period)
 
@@ -295,8 +299,8 @@ class Bridge:
 
     # --- trajectories -------------------------------------------------------------------------------------------
 
-    def submit(self, points, start, now):
-        """Take a trajectory that starts at ``start`` (s, on the clock of ``now``).
+    def submit(self, points, start, now, stamp=0.0):
+        """Take a trajectory that starts at ``start`` (s, on the clock of ``now``); its sender's ``stamp`` is kept.
 
         Raises
         ------
@@ -304,7 +308,7 @@ class Bridge:
             With the reason why it is refused; what plays goes on.
         """
         try:
-            self._submit(points, start, now)
+            self._submit(points, start, now, stamp)
         except MotionError as error:
             self.count_rejection(error)
             raise
@@ -315,7 +319,7 @@ class Bridge:
         kind = getattr(error, 'kind', 'unusable')
         self.rejections[kind] = self.rejections.get(kind, 0) + 1
 
-    def _submit(self, points, start, now):
+    def _submit(self, points, start, now, stamp):
         state = self.state
         if not (state in (State.READY, State.RAMPING, State.STREAMING)
                 or (state is State.HOLDING and not self.settings.latch_hold)):
@@ -332,10 +336,10 @@ class Bridge:
                 self._pending.pop()
             if len(self._pending) == MAX_PENDING:
                 raise _refusal('queue full', f'{MAX_PENDING} trajectories already wait for their start')
-            self._pending.append((points, start))
+            self._pending.append((points, start, stamp))
             self._accept(now)
             return
-        self._begin(points, start, now)
+        self._begin(points, start, now, stamp)
         self._accept(now)
 
     def _accept(self, now):
@@ -376,7 +380,7 @@ class Bridge:
         return make_track(start + points.times, points.positions, points.velocities, points.accelerations, start=start,
                           now=now, current=standing, coast=self.settings.coast)
 
-    def _begin(self, points, start, now):
+    def _begin(self, points, start, now, stamp):
         """Let a trajectory whose start has come take over."""
         streaming = self.state in (State.RAMPING, State.STREAMING)
         if streaming:
@@ -401,10 +405,11 @@ class Bridge:
             self.machine.happen(Event.TRAJECTORY)
             self._since, self.reason = now, ''
             self._reject_run, self._behind[:] = 0, 0
+        self.playing = stamp
 
-    def _begin_waiting(self, points, start, now):
+    def _begin_waiting(self, points, start, stamp, now):
         try:
-            self._begin(points, start, now)
+            self._begin(points, start, now, stamp)
         except MotionError as error:
             self.counts['accepted'] -= 1
             self.count_rejection(error)
@@ -454,7 +459,7 @@ class Bridge:
             self._limiter.brake()
             self.target[:] = self.command
         if self.trace is not None:
-            self.trace(now, self.state, self.target, self.command, self.backend.measurement.position)
+            self.trace(now, self.state, self.target, self.command, self.backend.measurement.position, self.playing)
 
     def _advance(self, now):
         """Everything that time alone brings about."""

@@ -6,13 +6,15 @@ from style_servo.states import State
 
 __all__ = ['CycleTimes', 'health_of_bridge']
 
+OFF_S = 0.001       # a period further than this from what it should be is counted
+
 
 class CycleTimes:
     """Durations of the bridge's cycles and errors of their period, since the last report and in total."""
 
     def __init__(self, period):
         self.period = period
-        self.cycles = self.missed = self.skipped = self.late = 0
+        self.cycles = self.missed = self.skipped = self.late = self.off = 0
         self.last = 0.0
         self._previous = None
         self._durations, self._errors = [], []
@@ -24,6 +26,7 @@ class CycleTimes:
             return
         if self._previous is not None:
             self._errors.append(now - self._previous - self.period)
+            self.off += abs(self._errors[-1]) > OFF_S
         self._previous = now
         self.cycles += 1
         self.late += periods - 1
@@ -58,7 +61,8 @@ def health_of_bridge(bridge, times, flood, now):
     measurement, backend = bridge.backend.measurement, bridge.backend
     facts = {'state': bridge.state.name, 'reason': bridge.reason or 'none', **times.report(),
              'input age (s)': f'{bridge.input_age(now):.3f}', 'cycles': str(times.cycles),
-             'missed deadlines': str(times.missed), 'periods made up for': str(times.late),
+             'missed deadlines': str(times.missed), 'periods off by more than 1 ms': str(times.off),
+             'periods made up for': str(times.late),
              'cycles left out': str(times.skipped),
              'trajectories accepted': str(bridge.counts['accepted']),
              'trajectories rejected': str(bridge.counts['rejected']),

@@ -1,41 +1,45 @@
 """Joint trajectories in, limited servo commands out: the servo bridge as a lifecycle node."""
 import array
 import gc
+import getpass
+import os
 import sys
 import time
 from pathlib import Path
 
-import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Header
+from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from style_core.errors import MotionError, UsageError
 from style_core.live.health import WARN, Health
+from style_core.live.limiter import PASS
+from style_core.live.stamp_policy import NANOSECONDS
 from style_msgs.msg import BridgeState
+from style_predictor.executor import run
 from style_predictor.lifecycle import SoundLifecycleNode, transition
 from style_predictor.outputs import diagnostics_message
 from style_predictor.ros_parameters import declare, values_of, watch
+from style_predictor.templates import MessageTemplate
 from style_servo.backend import BackendFault
 from style_servo.bridge import Bridge
 from style_servo.bridge_health import CycleTimes, health_of_bridge
 from style_servo.chain import load_chain
 from style_servo.parameters import BRIDGE, bridge_settings
 from style_servo.record import Recorder
-from style_servo.trajectory_message import points_of
+from style_servo.trajectory_message import TrajectoryReader
 
 __all__ = ['BridgeNode', 'main']
 
 STATE_EVERY_S = 0.1
+REPORT_EVERY_S = 1.0
 SHARE_OF_PERIOD = 0.3       # for messages at one go
 
 
@@ -76,15 +80,26 @@ class BridgeNode(SoundLifecycleNode):
         self._recorder = Recorder(values['record'], chain, period) if values['record'] else None
         if self._recorder is not None:
             bridge.trace = self._recorder.write
-        self._times = CycleTimes(period)
+        self._times, self._reader = CycleTimes(period), TrajectoryReader()
         self._taken = self._flood = 0
         self._told = None
-        self._state_due = 0.0
+        self._state_due = self._report_due = 0.0
+        self._take_priority(values['realtime_priority'])
         gc.collect()
         gc.freeze()     # what is loaded now stays; the collector need not look at it while a cycle is due
         self.get_logger().info(f'{chain.name}: {len(chain.joints)} joints on {values["backend"]}, '
                                f'{values["rate"]:g} commands a second, torque off')
         return TransitionCallbackReturn.SUCCESS
+
+    def _take_priority(self, priority):
+        if not priority:
+            return
+        try:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        except PermissionError:
+            self.get_logger().warning(
+                f'real-time priority {priority} is not permitted: put "{getpass.getuser()} - rtprio {priority}" into '
+                '/etc/security/limits.d/realtime.conf and log in again')
 
     def _chain_path(self, path):
         if not path:
@@ -110,6 +125,10 @@ class BridgeNode(SoundLifecycleNode):
 
     def _make_interfaces(self, chain):
         self._names = list(chain.names)
+        zero = [0.0] * len(self._names)
+        self._command_message = MessageTemplate(JointState(name=self._names, position=zero, velocity=zero))
+        self._measured_message = MessageTemplate(JointState(name=self._names, position=zero, velocity=zero,
+                                                            effort=zero))
         overrides = QoSOverridingOptions.with_default_policies()
         self._commanded = self.create_lifecycle_publisher(JointState, '~/command', 50)
         # with ros2_control the joint state broadcaster publishes these
@@ -127,8 +146,7 @@ class BridgeNode(SoundLifecycleNode):
                                self.create_service(Trigger, '~/reset', self._on_reset)]
         # the steady clock: a motor bus must not follow a simulated or corrected time
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timers_made = [self.create_timer(self._period, self._cycle, clock=steady),
-                             self.create_timer(1.0, self._report, clock=steady)]
+        self._timers_made = [self.create_timer(self._period, self._cycle, clock=steady)]
 
     @transition
     def on_activate(self, state):
@@ -207,18 +225,16 @@ class BridgeNode(SoundLifecycleNode):
                 error = MotionError(f'a message of {len(raw)} bytes is refused unread')
                 error.kind = 'size'
                 raise error
-            message = deserialize_message(raw, JointTrajectory)
-            points = points_of(message)
+            stamp, points = self._reader.read(raw)
         except MotionError as error:
             self._bridge.count_rejection(error)
             self._tell_rejection(error)
             return
-        stamp = message.header.stamp
         start = now
-        if stamp.sec or stamp.nanosec:
-            start += stamp.sec + 1e-9 * stamp.nanosec - 1e-9 * self.get_clock().now().nanoseconds
+        if stamp:
+            start += (stamp - self.get_clock().now().nanoseconds) / NANOSECONDS
         try:
-            self._bridge.submit(points, start, now)
+            self._bridge.submit(points, start, now, stamp / NANOSECONDS)
         except MotionError as error:
             self._tell_rejection(error)
 
@@ -249,21 +265,27 @@ class BridgeNode(SoundLifecycleNode):
     def _cycle(self):
         now = time.monotonic()
         if not self._active:
+            if now >= self._report_due:
+                self._report()
             return
         self._taken = 0
         bridge = self._bridge
         periods = bridge.tick(now)
         self._times.done(now, periods, time.monotonic() - now)
-        header = Header(stamp=self.get_clock().now().to_msg())
+        seconds, nanoseconds = divmod(self.get_clock().now().nanoseconds, NANOSECONDS)
+        stamp = {'header.stamp.sec': seconds, 'header.stamp.nanosec': nanoseconds}
         measurement = bridge.backend.measurement
-        self._commanded.publish(JointState(header=header, name=self._names, position=_floats(bridge.command),
-                                           velocity=_floats(bridge.command_velocity)))
+        self._commanded.publish(self._command_message.write(
+            {**stamp, 'position': bridge.command, 'velocity': bridge.command_velocity}))
         if self._joint_states is not None and measurement.fresh:
-            self._joint_states.publish(JointState(
-                header=header, name=self._names, position=_floats(measurement.position),
-                velocity=_floats(measurement.velocity), effort=_floats(measurement.effort)))
+            self._joint_states.publish(self._measured_message.write(
+                {**stamp, 'position': measurement.position, 'velocity': measurement.velocity,
+                 'effort': measurement.effort}))
+        # one of these at most, right after a command, so that the next one does not wait
         if bridge.state is not self._told or now >= self._state_due:
             self._publish_state()
+        elif now >= self._report_due:
+            self._report()
 
     def _publish_state(self):
         bridge, measurement = self._bridge, self._bridge.backend.measurement
@@ -280,7 +302,7 @@ class BridgeNode(SoundLifecycleNode):
         message = BridgeState(
             state=int(bridge.state), reason=bridge.reason, estop_held=bridge.estop_held,
             joint_names=self._names, commanded=_floats(bridge.command),
-            measured=_floats(measurement.position), limited=(bridge.bands != 0).tolist(),
+            measured=_floats(measurement.position), limited=(bridge.bands != PASS).tolist(),
             input_age=float(bridge.input_age(now)), cycle_time=self._times.last, cycles=self._times.cycles,
             accepted=bridge.counts['accepted'], rejected=bridge.counts['rejected'] + self._flood,
             clamped=bridge.counts['clamped'], missed_deadlines=self._times.missed,
@@ -289,6 +311,7 @@ class BridgeNode(SoundLifecycleNode):
         self._state.publish(message)
 
     def _report(self):
+        self._report_due = time.monotonic() + REPORT_EVERY_S
         health = Health(WARN, 'not active', {})
         if self._active:
             health = health_of_bridge(self._bridge, self._times, self._flood, time.monotonic())
@@ -298,24 +321,7 @@ class BridgeNode(SoundLifecycleNode):
 
 def main(args=None):
     """Run the node until it is told to stop; the motors are released on every way out that Python sees."""
-    rclpy.init(args=args)
-    node = None
-    try:
-        node = BridgeNode()
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except UsageError as error:
-        print(f'servo_bridge: {error}', file=sys.stderr)
-        return 2
-    finally:
-        if node is not None:
-            node.release()
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
+    return run(BridgeNode, 'servo_bridge', args=args)
 
 
 if __name__ == '__main__':

@@ -5,6 +5,7 @@ import fcntl
 import logging
 import math
 import os
+import select
 import struct
 import termios
 import time
@@ -82,6 +83,17 @@ def _signed(value, size):
 def hardware_errors(bits):
     """Names of the bits of Hardware Error Status."""
     return ', '.join(name for bit, name in _HARDWARE.items() if bits & bit) or f'code {bits}'
+
+
+class _Port(PortHandler):
+    """The SDK's port, which sleeps until something arrives where the SDK asks over and over."""
+
+    def readPort(self, length):
+        """Up to ``length`` bytes, as soon as there are any or the packet's time is over."""
+        left = self.packet_timeout - self.getTimeSinceStart()
+        if length and left > 0:
+            select.select([self.ser.fileno()], [], [], left / 1000)
+        return self.ser.read(length)
 
 
 class _Servo:
@@ -182,7 +194,7 @@ class DynamixelBackend:
 
     def _open(self):
         settings = self._settings
-        port = PortHandler(settings.port)
+        port = _Port(settings.port)
         where = f'port {settings.port}'
         try:
             if not port.setBaudRate(settings.baud):

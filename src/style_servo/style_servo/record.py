@@ -26,6 +26,8 @@ class Record(NamedTuple):
         See style_servo.states.State.
     target, command, measured : ndarray, shape (T, D)
         Rad: what the trajectory asked for, what was sent after limiting, what the joints did.
+    playing : ndarray, shape (T,)
+        Stamp of the trajectory that played, s as its sender gave it; 0 where it had none, NaN before the first.
     limits : dict of str to ndarray
         ``lower``, ``upper`` (rad), ``velocity``, ``acceleration`` of the chain, and ``period`` (s).
     """
@@ -36,6 +38,7 @@ class Record(NamedTuple):
     target: np.ndarray
     command: np.ndarray
     measured: np.ndarray
+    playing: np.ndarray
     limits: dict
 
 
@@ -46,11 +49,12 @@ class Recorder:
         self._file = Path(path).open('wb', buffering=1 << 16)     # noqa: SIM115  (open as long as the bridge)
         limits = {field: chain.array(field).tolist() for field in ('lower', 'upper', 'velocity', 'acceleration')}
         self._file.write(json.dumps({'joint_names': chain.names, 'period': period, **limits}).encode() + b'\n')
-        self._head = struct.Struct('<dd')
+        self._head = struct.Struct('<ddd')
 
-    def write(self, time, state, target, command, measured):
+    def write(self, time, state, target, command, measured, playing):
         """Append one cycle."""
-        self._file.write(self._head.pack(time, state) + target.tobytes() + command.tobytes() + measured.tobytes())
+        self._file.write(self._head.pack(time, state, playing) + target.tobytes() + command.tobytes()
+                         + measured.tobytes())
 
     def flush(self):
         """Hand over what was written so far; a program that is killed loses the rest."""
@@ -77,10 +81,11 @@ def read_record(path):
     except (ValueError, KeyError, AttributeError, TypeError):
         raise MotionError(f'{path} is not a flight record of the bridge') from None
     n = len(names)
-    width = 8 * (2 + 3 * n)
-    table = np.frombuffer(rows[:len(rows) // width * width], np.float64).reshape(-1, 2 + 3 * n)
-    return Record(names, table[:, 0], table[:, 1].astype(int), table[:, 2:2 + n], table[:, 2 + n:2 + 2 * n],
-                  table[:, 2 + 2 * n:], {key: np.array(value) for key, value in head.items()})
+    width = 8 * (3 + 3 * n)
+    table = np.frombuffer(rows[:len(rows) // width * width], np.float64).reshape(-1, 3 + 3 * n)
+    target, command, measured = table[:, 3:].reshape(-1, 3, n).swapaxes(0, 1)
+    return Record(names, table[:, 0], table[:, 1].astype(int), target, command, measured, table[:, 2],
+                  {key: np.array(value) for key, value in head.items()})
 
 
 def violations(record):

@@ -139,7 +139,7 @@ def test_late_ticks_make_up_for_missed_periods_within_the_limits():
     """A busy machine: the commands still come from steps of one period each, and the motion keeps its time."""
     rig = Rig()
     rows = []
-    rig.bridge.trace = lambda now, state, target, command, measured: rows.append(command.copy())
+    rig.bridge.trace = lambda now, state, target, command, measured, playing: rows.append(command.copy())
     rng = np.random.default_rng(0)
     sent = 0
     while rig.now < 104.0:
@@ -416,7 +416,7 @@ def test_the_target_never_swings_beyond_posture_and_motion(seed):
     rig = Rig()
     frequency, amplitude = rng.uniform(1.0, 25.0), rng.uniform(0.1, 0.95)
     targets = []
-    rig.bridge.trace = lambda now, state, target, command, measured: targets.append(target.copy())
+    rig.bridge.trace = lambda now, state, target, command, measured, playing: targets.append(target.copy())
     for _ in range(4):
         for k in range(round(rng.uniform(0.1, 1.5) * RATE)):
             if k % 4 == 0:

@@ -85,16 +85,21 @@ def quintic(duration, p0, v0, a0, p1, v1, a1):
     rise = p1 - p0 - (v0 + c * t) * t
     slope = (v1 - v0 - a0 * t) * t
     bend = (a1 - a0) * t * t
-    return np.stack(np.broadcast_arrays(
-        p0, v0, c, (10 * rise - 4 * slope + 0.5 * bend) / t**3, (-15 * rise + 7 * slope - bend) / t**4,
-        (6 * rise - 3 * slope + 0.5 * bend) / t**5), axis=-1)
+    powers = (p0, v0, c, (10 * rise - 4 * slope + 0.5 * bend) / t**3, (-15 * rise + 7 * slope - bend) / t**4,
+              (6 * rise - 3 * slope + 0.5 * bend) / t**5)
+    coefficients = np.empty((*np.broadcast(*powers).shape, 6))
+    for k, power in enumerate(powers):
+        coefficients[..., k] = power
+    return coefficients
 
 
 def _cubic(duration, p0, v0, p1, v1):
-    t = duration
-    zero = np.zeros_like(p0)
-    return np.stack([p0, v0, (3 * (p1 - p0) / t - 2 * v0 - v1) / t, (2 * (p0 - p1) / t + v0 + v1) / t**2, zero, zero],
-                    axis=-1)
+    coefficients = np.zeros((*p0.shape, 6))
+    slope = (p1 - p0) / duration
+    coefficients[..., 0], coefficients[..., 1] = p0, v0
+    coefficients[..., 2] = (3 * slope - 2 * v0 - v1) / duration
+    coefficients[..., 3] = (v0 + v1 - 2 * slope) / duration**2
+    return coefficients
 
 
 def _slopes(times, positions):
@@ -326,7 +331,7 @@ class Playback:
         duration = max(shortest, self._decay_end - time, float(np.max(PEAK_SPEED * np.abs(jump) / limit_v)),
                        float(np.max(np.sqrt(PEAK_ACCELERATION * np.abs(jump) / limit_a))),
                        float(np.max(2.0 * np.abs(change) / limit_a)))
-        self._decay = np.ascontiguousarray(quintic(duration, before[0] - after[0], drift, bend, 0.0, 0.0, 0.0))
+        self._decay = quintic(duration, before[0] - after[0], drift, bend, 0.0, 0.0, 0.0)
         self._decay_start, self._decay_end = time, time + duration
         self._track, self._hint = track, 0
         return duration
