@@ -47,17 +47,21 @@ class ServoRig:
     sim_options : sequence of str
     listen : bool
         Keep commands and joint states as they come.
+    link : path-like, optional
+        Of a chain and a bridge that a launch file has started; then nothing is started here.
     parameters : of the bridge
     """
 
-    def __init__(self, folder, chain='exosuit6.yaml', simulate=True, sim_options=(), listen=True, **parameters):
+    def __init__(self, folder, chain='exosuit6.yaml', simulate=True, sim_options=(), listen=True, link=None,
+                 **parameters):
         self.link, self.record, self.wire = (os.path.join(folder, name) for name in ('port', 'record', 'wire'))
         self.chain_path = os.path.join(ROOT, 'config', 'servo', chain)
         self.chain = load_chain(self.chain_path)
         self.parameters = {**PATIENT, 'chain': self.chain_path, 'port': self.link, 'record': self.record, **parameters}
+        self.link = link or self.link
         self._options, self._processes = list(sim_options), []
         self._log = open(os.path.join(folder, 'log'), 'w')      # noqa: SIM115  (open as long as the rig)
-        self.simulator = self._start_simulator() if simulate else None
+        self.simulator = self._start_simulator() if simulate and not link else None
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
         self.node = rclpy.create_node('rig', context=self.context)
@@ -72,7 +76,7 @@ class ServoRig:
         node.create_subscription(DiagnosticArray, '/diagnostics', self.diagnostics.append, 10)
         self.trajectories = node.create_publisher(JointTrajectory, '/joint_trajectory', 100)
         self.estop = node.create_publisher(Bool, '/estop', 10)
-        self.bridge = self.start_bridge()
+        self.bridge = None if link else self.start_bridge()
 
     # --- processes ----------------------------------------------------------------------------------------------
 
@@ -223,3 +227,26 @@ def message_of(fields, now_ns):
             point.velocities = array.array('d', fields['velocities'][k].tobytes())
         message.points.append(point)
     return message
+
+
+SENDER = """
+import sys, time
+sys.path[:0] = {path!r}
+from servo_rig import message_of
+import rclpy
+from trajectory_msgs.msg import JointTrajectory
+from style_servo.chain import load_chain
+from style_servo.hostile import legal_fields
+rclpy.init()
+node = rclpy.create_node('sender')
+publisher = node.create_publisher(JointTrajectory, '/joint_trajectory', 10)
+chain = load_chain({chain!r})
+while True:
+    publisher.publish(message_of(legal_fields(chain, time.monotonic()), 0))
+    time.sleep(0.02)
+"""
+
+
+def sender_program(chain_path):
+    """Source of a program that streams the legal motion until it is killed."""
+    return SENDER.format(path=[os.path.dirname(os.path.abspath(__file__)), *sys.path], chain=chain_path)

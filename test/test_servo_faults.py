@@ -155,6 +155,50 @@ def test_deactivating_brakes_and_releases_from_every_state(start):
     rig.up()
 
 
+def test_faults_stops_and_resets_from_the_other_states(start):
+    """Edges of the state table that no test above takes."""
+    rig = start(hold_policy='relax', input_timeout=0.4, hold_timeout=1.5, ramp_time=1.5, error_run=30)
+
+    def silence():
+        rig.tell('silent', id=6)
+        rig.until(lambda: rig.state is State.FAULT, 20, rig.send_legal if rig.state is State.RAMPING else None)
+        rig.tell('silent', id=6, on=False)
+
+    def restart():
+        assert rig.change(Transition.TRANSITION_DEACTIVATE)
+        rig.wait_for(State.DISARMED)
+        assert rig.change(Transition.TRANSITION_ACTIVATE)
+        rig.wait_for(State.READY)
+
+    def relax():
+        rig.stream_until(State.STREAMING)
+        rig.wait_for(State.RELAXED)
+    silence()                               # from READY
+    restart()                               # from FAULT
+    rig.stream_until(State.RAMPING)
+    restart()                               # from RAMPING
+    rig.stream_until(State.RAMPING)
+    silence()                               # from RAMPING
+    rig.until(lambda: rig.trigger('reset').success)
+    relax()
+    assert rig.trigger('reset').success     # from RELAXED
+    rig.wait_for(State.READY)
+    relax()
+    restart()                               # from RELAXED
+    relax()
+    silence()                               # from RELAXED
+    rig.until(lambda: rig.trigger('reset').success)
+    rig.stream_until(State.STREAMING)
+    rig.wait_for(State.HOLDING)
+    rig.stream_until(State.RAMPING)         # from HOLDING
+    rig.stream_until(State.STREAMING)
+    rig.estop.publish(Bool(data=True))      # from STREAMING
+    rig.wait_for(State.ESTOP)
+    rig.estop.publish(Bool(data=False))
+    rig.until(lambda: not rig.states[-1].estop_held)
+    assert rig.trigger('reset').success
+
+
 def test_a_finished_trajectory_leaves_it_ready(start):
     rig = start(ramp_time=0.1)
     target = (rig.chain.array('lower') + rig.chain.array('upper')) / 2
@@ -194,7 +238,7 @@ def test_parameters_out_of_range_and_changes_while_configured_are_refused(start)
 
 
 def test_zz_edges_of_the_state_table(start, capsys):
-    """Not every edge can be brought about from outside in little time; those missing are listed, most must be there."""
+    """Every edge can be brought about from outside, but a busy machine may let one state pass unseen."""
     rig = start(up=False)
     rig.close()
     time.sleep(0.1)
@@ -202,7 +246,9 @@ def test_zz_edges_of_the_state_table(start, capsys):
     taken = sorted((a.name, b.name) for a, b in pairs & SEEN)
     missing = sorted((a.name, b.name) for a, b in pairs - SEEN)
     with capsys.disabled():
-        print(f'\nstate edges taken: {len(taken)} of {len(pairs)}; not taken: {json.dumps(missing)}')
+        print(f'\nstate edges taken over middleware: {len(taken)} of {len(pairs)}; not taken: {json.dumps(missing)} '
+              '(src/style_servo/test/test_bridge.py takes all of them without middleware)')
     impossible = {(a.name, b.name) for a, b in SEEN - pairs if State.DISARMED not in (a, b)}
-    assert len(taken) >= 0.6 * len(pairs)
-    assert not {pair for pair in impossible if pair[0] in ('ESTOP', 'FAULT') and pair[1] != 'READY'}
+    assert len(taken) >= 0.85 * len(pairs)
+    # out of a latched state only by a reset; READY may last for less than a cycle where trajectories stream in
+    assert not {pair for pair in impossible if pair[0] in ('ESTOP', 'FAULT') and pair[1] not in ('READY', 'RAMPING')}

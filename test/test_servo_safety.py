@@ -1,6 +1,5 @@
 """Safety over real middleware with the simulated bus: hostile input, killed processes, emergency stop."""
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -9,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from servo_rig import DEEP, ServoRig
+from servo_rig import DEEP, ServoRig, sender_program
 from std_msgs.msg import Bool
 
 from style_servo.control_table import control_table, model_named
@@ -102,31 +101,12 @@ def test_a_motion_faster_than_the_joints_is_followed_without_falling_out_of_step
     assert outside.max() < 0.25, outside.max(axis=0)
 
 
-SENDER = """
-import sys, time
-sys.path[:0] = {path!r}
-from servo_rig import message_of
-import rclpy
-from trajectory_msgs.msg import JointTrajectory
-from style_servo.chain import load_chain
-from style_servo.hostile import legal_fields
-rclpy.init()
-node = rclpy.create_node('sender')
-publisher = node.create_publisher(JointTrajectory, '/joint_trajectory', 10)
-chain = load_chain({chain!r})
-while True:
-    publisher.publish(message_of(legal_fields(chain, time.monotonic()), 0))
-    time.sleep(0.02)
-"""
-
-
 @pytest.mark.parametrize('rig', [{'input_timeout': 0.3}], indirect=True, ids=[''])
 def test_a_killed_sender_leads_to_a_hold_in_time_and_no_jump_on_its_return(rig):
     rig.up()
 
     def start():
-        path = [os.path.dirname(__file__), *sys.path]
-        return subprocess.Popen([sys.executable, '-c', SENDER.format(path=path, chain=rig.chain_path)])
+        return subprocess.Popen([sys.executable, '-c', sender_program(rig.chain_path)])
     sender = start()
     try:
         rig.wait_for(State.STREAMING, 40)

@@ -136,7 +136,8 @@ def bridge(seconds, priority):
           f'{State(state.state).name}; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors')
     def written(numbers):
         return ', '.join(f'{x:.3f}' for x in numbers)
-    rows = {'periods off by more than 1 ms (p99 is below 1 ms under 1 %)': f'{off} of {count}, {100 * off / count:.2f} %',
+    rows = {'periods off by more than 1 ms (p99 is below 1 ms under 1 %)':
+                f'{off} of {count}, {100 * off / count:.2f} %',
             'period error p50, p99, max of a second: median (ms)': written(np.median(errors, axis=0)),
             'the same: worst (ms)': written(errors.max(axis=0)),
             'cycle (limit, write, read) p50, worst p99 of a second (ms)':

@@ -61,8 +61,8 @@ BRIDGE = ParameterTable((
     Parameter('goal_rate', 20.0, 'Goals a second where the interface is the action', 'Hz', 1.0, 200.0, live=False),
     Parameter('state_timeout', 0.2, 'Joint states older than this are as good as none', 's', 0.01, 10.0, live=False),
     # the process
-    Parameter('realtime_priority', 0, 'Run under the real-time scheduler (SCHED_FIFO) at this priority; 0: no', '', 0, 99,
-              live=False),
+    Parameter('realtime_priority', 0, 'Run under the real-time scheduler (SCHED_FIFO) at this priority; 0: no', '', 0,
+              99, live=False),
     Parameter('record', '', 'File to write every cycle to (time, state, target, command, measured position); empty for '
               'none', live=False),
 ))
