@@ -19,7 +19,10 @@ def table(folder, stem, name):
 
 def row(rows, first):
     """The row whose first cell is ``first``."""
-    return next(r for r in rows if next(iter(r.values())) == first)
+    found = [r for r in rows if next(iter(r.values())) == first]
+    if not found:
+        raise UsageError(f'a page has no row {first!r}: run its table again')
+    return found[0]
 
 
 def seed_goals(add, folder):
