@@ -30,6 +30,7 @@ LEARNING = (
     'training.py',
     'learning.py',
     'residual.py',
+    'bands.py',
     'full.py',
     'table.py',
     'gaussian_process.py',

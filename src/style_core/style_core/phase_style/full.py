@@ -117,7 +117,9 @@ def still_behaviour(behaviours):
         # slow enough that a slow walk is not followed: 0.02 let `still` take over walks of subject 16
         offset=spread, fast=0.1 * fast, personal=np.zeros(channels), noise=noise, offset_decay=0.004,
         fast_decay=first.residual.fast_decay, personal_decay=0.0, style_decay=0.0, personal_share=np.zeros(0),
-        style_scale=0.0, calibration_horizon=np.zeros(1), calibration_scale=np.ones(1))
+        style_scale=0.0, calibration_horizon=np.zeros(1), calibration_scale=np.ones(1),
+        check_median=float(np.mean([one.residual.check_median for one in behaviours])),
+        check_weight=float(np.mean([one.residual.check_weight for one in behaviours])))
     return Behaviour(
         name='still', rhythmic=False, joint_names=first.joint_names, rate_hz=first.rate_hz, sequences=('still',),
         groups=('still',), styles=np.ones((1, 1)), singular_values=np.ones(1), phase_grid=np.linspace(0, 1, 8),

@@ -20,12 +20,13 @@ cdef class ObservationGate:
     y : ndarray, shape (D,)
     observed : ndarray of uint8, shape (D,)
         1 where a finite value was given and not masked.
+    seen : ndarray of bool, shape (D,)
+        The same.
     time : float or None
         Stamp of the last observation, s.
     """
 
-    cdef readonly object y, observed, time
-    cdef object _flags
+    cdef readonly object y, observed, seen, time
     cdef int _channels
     cdef double[::1] _y
     cdef unsigned char[::1] _observed
@@ -34,7 +35,7 @@ cdef class ObservationGate:
         self._channels = channels
         self.y = np.zeros(channels)
         self.observed = np.zeros(channels, dtype=np.uint8)
-        self._y, self._observed, self._flags = self.y, self.observed, self.observed.view(bool)
+        self._y, self._observed, self.seen = self.y, self.observed, self.observed.view(bool)
         self.time = None
 
     def reset(self):
@@ -43,7 +44,7 @@ cdef class ObservationGate:
 
     def flags(self):
         """Which channels were observed: ndarray of bool, shape (D,), of its own."""
-        return self._flags.copy()
+        return self.seen.copy()
 
     def take(self, time, y, mask):
         """Store an observation in ``y`` and ``observed``; return the time since the last one, s (0 for the first).

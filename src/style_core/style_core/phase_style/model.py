@@ -32,6 +32,8 @@ class Residual:
         Factor on the covariance of the training styles.
     calibration_horizon, calibration_scale : ndarray, shape (H,)
         Factor on predicted standard deviations by horizon (s) that gave honest 90 % bands on left-out people.
+    check_median, check_weight : float
+        What checks of predictions usually give, and how many of them that is worth (`style_core.phase_style.bands`).
     """
 
     offset: np.ndarray
@@ -46,6 +48,8 @@ class Residual:
     style_scale: float
     calibration_horizon: np.ndarray
     calibration_scale: np.ndarray
+    check_median: float
+    check_weight: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +257,11 @@ def _restore(entry, index, header, arrays):
                 values[item.name] = tuple(value) if isinstance(value, list) else value
         return kind(**values)
 
-    residual = part(Residual, 'residual.') if 'residual.offset_decay' in entry else None
+    residual = None
+    if 'residual.offset_decay' in entry:
+        if 'residual.check_median' not in entry:
+            raise ValueError('it was made before bands followed the person; train it again')
+        residual = part(Residual, 'residual.')
     return part(Behaviour, '', joint_names=tuple(header['joint_names']), residual=residual)
 
 
@@ -269,6 +277,8 @@ def _check_shapes(behaviour):
         if not np.all(np.isfinite(array)):
             raise ValueError(f'{name} is not finite')
     if behaviour.residual is not None:
+        if not (behaviour.residual.check_median > 0 and behaviour.residual.check_weight > 0):
+            raise ValueError('check_median and check_weight must be positive')
         for name in ('offset', 'fast', 'personal', 'noise'):
             array = getattr(behaviour.residual, name)
             if array.shape != (channels,) or not np.all(np.isfinite(array)):

@@ -4,6 +4,7 @@ import math
 import numpy as np
 
 from style_core.errors import ModelError
+from style_core.phase_style.bands import Bands
 from style_core.phase_style.full import PARTS, filter_table, make_filter, still_behaviour, style_prior
 from style_core.phase_style.gate import ObservationGate
 from style_core.phase_style.kernel import Table
@@ -58,7 +59,8 @@ class FullPredictor:
         channels = len(self.joint_names)
         self._gate = ObservationGate(channels)
         self._monitor = InnovationMonitor()
-        self._now_scale = [float(self._scale(index, np.zeros(1))[0]) for index in range(len(behaviours))]
+        self._bands = Bands(behaviours, 'calibration' not in without)
+        self._present = np.zeros(1)
         self.reset()
 
     def reset(self):
@@ -69,6 +71,7 @@ class FullPredictor:
     def _forget(self):
         self._monitor.reset()
         self._search.reset()
+        self._bands.reset()
         self._searching = True
         self._status = Status.ACQUIRING
         mean, spread = self._behaviours[0].velocity[:2]
@@ -81,6 +84,7 @@ class FullPredictor:
         if dt > GAP_S:
             self._forget()
             dt = 0.0
+        self._bands.observe(gate.seen, dt)
         try:
             self._follow(dt)
             return self._estimate()
@@ -114,6 +118,9 @@ class FullPredictor:
                 self._searching = True
                 self._status = Status.LOST
                 search.again()
+                self._bands.forget()
+        if not self._searching:
+            self._bands.follow(search.leader, gate.time, gate.y, gate.seen)
 
     def _probabilities(self):
         if not self._searching:
@@ -130,19 +137,17 @@ class FullPredictor:
         else:
             index, one = leader.behaviour, leader.filter
             innovation, log_likelihood = one.innovation, one.log_likelihood
+        scale = self._bands.factor(index, self._present)
+        even = scale.ndim == 1
         phase, speed, covariance, style, style_covariance, mean, std = one.describe(
-            *self._priors[index], self._now_scale[index])
+            *self._priors[index], float(scale[0]) if even else 1.0)
+        if not even:
+            std *= scale[0]
         return Estimate(
             time=self._gate.time, phase=phase, phase_velocity=speed, phase_covariance=covariance, style=style,
             style_covariance=style_covariance, mean=mean, std=std, observed=self._gate.flags(),
             innovation=innovation, log_likelihood=log_likelihood, status=self._status,
             behaviours=self._probabilities())
-
-    def _scale(self, index, horizons):
-        residual = self._behaviours[index].residual
-        if 'calibration' in self._without:
-            return np.ones(len(horizons))
-        return np.interp(horizons, residual.calibration_horizon, residual.calibration_scale)
 
     def predict(self, horizons):
         """Predict at ``horizons`` (shape (H,), s after the last update, >= 0)."""
@@ -150,9 +155,20 @@ class FullPredictor:
         leader = self._search.leader
         index, one = (0, self._pool[0][0]) if leader is None else (leader.behaviour, leader.filter)
         try:
-            mean, std, velocity = one.ahead(horizons, self._scale(index, horizons))
+            mean, std, velocity = self._ahead(index, one, horizons)
         except ArithmeticError:
             self._forget()
-            mean, std, velocity = self._pool[0][0].ahead(horizons, self._scale(0, horizons))
+            mean, std, velocity = self._ahead(0, self._pool[0][0], horizons)
         horizons += self._gate.time or 0.0
         return Prediction(horizons, mean, std, velocity)
+
+    def _ahead(self, index, one, horizons):
+        """Predict with the filter ``one`` of a behaviour; bands as wide as they must be."""
+        if horizons.ndim != 1:
+            raise ValueError('horizons must be a one-dimensional array of times >= 0')
+        scale = self._bands.factor(index, horizons)
+        if scale.ndim == 1:
+            return one.ahead(horizons, scale)
+        mean, std, velocity = one.ahead(horizons, np.ones(len(horizons)))
+        std *= scale
+        return mean, std, velocity

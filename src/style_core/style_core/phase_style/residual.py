@@ -11,6 +11,10 @@ people - and the bases of the others are used on them.
    a wrong phase and the mean speed.
 3. *Calibration.* The criterion does not change when every variance is multiplied by the same factor; that factor
    and a correction by horizon make 90 % of the left-out errors lie within the 90 % band.
+4. *People.* Predictions are checked when their time has come, on line as here (`style_core.phase_style.bands`).
+   What is usual is the median check of the left-out runs. How many checks that is worth is their variance within a
+   run over that of the level between runs (empirical Bayes). The correction by horizon is learned with the band
+   following the checks. People have equal weight in all three.
 """
 from dataclasses import dataclass, replace
 
@@ -19,6 +23,7 @@ from scipy.interpolate import CubicSpline
 from tqdm import tqdm
 
 from style_core.alignment import fit_cycle, harmonic_design
+from style_core.phase_style.bands import LEAD_S, MOST, Level, check
 from style_core.phase_style.full import make_filter, style_prior, whitened
 from style_core.phase_style.kernel import Table
 from style_core.phase_style.learning import NOISE_FLOOR, factorise
@@ -29,11 +34,15 @@ __all__ = ['HORIZONS', 'Shape', 'leave_out', 'residual_shape', 'learn_residual']
 
 #: Horizons of the criterion, s.
 HORIZONS = np.array([1, 5, 10, 15, 25]) / 60
+#: Horizons of the calibration, s: the factor changes most where predictions begin.
+CALIBRATED = np.array([1, 2, 3, 5, 10, 15, 25]) / 60
 PERSONAL_HARMONICS = 3
 #: Wrong phase at the start of every left-out sequence, rad; as a share of the motion where it is discrete.
 WRONG_PHASE = 0.4
 WRONG_SHARE = 0.05
 FEWEST_PEOPLE = 4
+#: Weight, in checks, of a level that nothing is known to move: bands do not follow the person then.
+CERTAIN = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,20 +152,21 @@ def _residual(shape, values):
         personal=values['personal'] * total, noise=values['noise'] * shape.noise,
         offset_decay=values['offset_decay'], fast_decay=values['fast_decay'],
         personal_decay=values['personal_decay'], style_decay=values['style_decay'], personal_share=share,
-        style_scale=values['style'], calibration_horizon=HORIZONS, calibration_scale=np.ones(len(HORIZONS)))
+        style_scale=values['style'], calibration_horizon=CALIBRATED, calibration_scale=np.ones(len(CALIBRATED)),
+        check_median=1.0, check_weight=CERTAIN)
 
 
-def _roll_out(behaviour, fold, sequences, aligned, every):
-    """Errors and standard deviations of predictions on a fold's left-out sequences, each (N, H, D), by sequence."""
+def _roll_out(behaviour, fold, sequences, aligned, every, horizons):
+    """Number of each left-out sequence of a fold, errors and standard deviations of predictions, both (N, H, D)."""
     table = Table(whitened(fold.table, *style_prior(fold.styles, fold.groups, behaviour.residual.style_scale)))
     one = make_filter(behaviour, table)
     channels = len(behaviour.joint_names)
     observed = np.ones(channels, dtype=np.uint8)
-    mean, std, velocity = (np.empty((len(HORIZONS), channels)) for _ in range(3))
+    mean, std, velocity = (np.empty((len(horizons), channels)) for _ in range(3))
     wrong = WRONG_PHASE if behaviour.rhythmic else WRONG_SHARE
     for index in fold.left_out:
         y, rate = sequences[index].y, sequences[index].rate_hz
-        ahead = np.maximum(np.rint(HORIZONS * rate).astype(int), 1)
+        ahead = np.maximum(np.rint(horizons * rate).astype(int), 1)
         last = len(y) - ahead[-1]
         if last <= 3:
             continue
@@ -171,7 +181,7 @@ def _roll_out(behaviour, fold, sequences, aligned, every):
                 errors.append(mean - y[frame + ahead])
                 spreads.append(std.copy())
         if errors:
-            yield np.array(errors), np.array(spreads)
+            yield index, np.array(errors), np.array(spreads)
 
 
 def _criterion(behaviour, folds, sequences, aligned, every):
@@ -179,7 +189,7 @@ def _criterion(behaviour, folds, sequences, aligned, every):
     for fold in folds:
         try:
             squares = [np.mean(errors ** 2, axis=(0, 2))
-                       for errors, _ in _roll_out(behaviour, fold, sequences, aligned, every)]
+                       for _, errors, _ in _roll_out(behaviour, fold, sequences, aligned, every, HORIZONS)]
         except ArithmeticError:
             return np.inf
         if squares:
@@ -233,21 +243,84 @@ def learn_residual(behaviour, sequences, aligned, rounds=2, progress=False):
                 values, best, moved = trial, score, True
             if moved:
                 break
-    size = np.median(_calibration(candidate(values), folds, sequences, aligned, every)) ** 2
+    plain = _runs(candidate(values), folds, sequences, aligned)
+    size = np.median(_calibration(plain)) ** 2
     # the same factor on every variance, prior and noise changes no gain, but makes likelihoods honest
     honest = candidate({**values, **{name: values[name] * size for name in
                                      ('offset', 'fast', 'personal', 'noise', 'style', 'acceleration')}})
+    runs = _runs(honest, folds, sequences, aligned)
+    median, weight = _usual_checks(runs)
     return replace(honest, residual=replace(
-        honest.residual, calibration_scale=_calibration(honest, folds, sequences, aligned, every)))
+        honest.residual, calibration_scale=_calibration([_levelled(run, median, weight) for run in runs]),
+        check_median=median, check_weight=weight))
 
 
-def _calibration(behaviour, folds, sequences, aligned, every):
-    """Factor on the standard deviation, by horizon, that puts 90 % of left-out errors into the 90 % band."""
-    ratios = []
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """Predictions of a left-out sequence, one a lead of the checks: weight of the run, errors and deviations."""
+
+    weight: float
+    errors: np.ndarray
+    spreads: np.ndarray
+    checks: np.ndarray
+
+
+def _runs(behaviour, folds, sequences, aligned):
+    """Left-out runs, people with equal weight; list of _Run."""
+    found = []
+    lead = int(np.argmin(np.abs(CALIBRATED - LEAD_S)))
     for fold in folds:
-        for errors, spreads in _roll_out(behaviour, fold, sequences, aligned, every):
-            ratio = np.sort(np.abs(errors / np.maximum(spreads, 1e-9)).transpose(1, 0, 2).reshape(len(HORIZONS), -1))
-            ratios.append(ratio[:, np.linspace(0, ratio.shape[1] - 1, 200).astype(int)])  # equal weight
-    if not ratios:
-        return np.ones(len(HORIZONS))
-    return np.quantile(np.concatenate(ratios, axis=1), 0.9, axis=1) / 1.6448536269514722
+        every = max(round(LEAD_S * sequences[fold.left_out[0]].rate_hz), 1)
+        for index, errors, spreads in _roll_out(behaviour, fold, sequences, aligned, every, CALIBRATED):
+            spreads = np.maximum(spreads, 1e-9)
+            found.append((sequences[index].group, errors, spreads,
+                          np.array([check(*pair) for pair in zip(errors[:, lead], spreads[:, lead])])))
+    people = [group for group, *_ in found]
+    return [_Run(1 / people.count(group), *rest) for group, *rest in found]
+
+
+def _usual_checks(runs):
+    """Median check, and the number of checks it is worth as a start: variance within a run over that between."""
+    if len(runs) < 2:
+        return 1.0, CERTAIN
+    median = float(_weighted_quantile(np.concatenate([run.checks for run in runs]),
+                                      np.concatenate([np.full(len(run.checks), run.weight / len(run.checks))
+                                                      for run in runs]), 0.5))
+    median = max(median, 1e-9)
+    weight = np.array([run.weight for run in runs])
+    weight /= weight.sum()
+    clipped = [np.clip(run.checks / median, 1 / MOST, MOST) for run in runs]
+    mean = np.array([np.mean(checks) for checks in clipped])
+    within = float(weight @ [np.var(checks) for checks in clipped])
+    between = float(weight @ (mean - weight @ mean) ** 2) - within * float(weight @ [1 / len(c) for c in clipped])
+    return median, min(max(within, 1e-9) / max(between, 1e-9), CERTAIN)
+
+
+def _levelled(run, median, weight):
+    """The run with standard deviations as the checks up to each prediction leave them."""
+    level, spreads = Level(median, weight), run.spreads.copy()
+    for row, value in enumerate(run.checks):
+        spreads[row] *= level.factor
+        level.add(value)  # it is due when the next prediction is made
+    return replace(run, spreads=spreads)
+
+
+def _calibration(runs):
+    """Factor on the standard deviation, by horizon, that puts 90 % of left-out errors into the 90 % band."""
+    if not runs:
+        return np.ones(len(CALIBRATED))
+    ratios, weights = [], []
+    for run in runs:
+        ratio = np.sort(np.abs(run.errors / run.spreads).transpose(1, 0, 2).reshape(len(CALIBRATED), -1))
+        ratios.append(ratio[:, np.linspace(0, ratio.shape[1] - 1, 200).astype(int)])
+        weights.append(np.full(200, run.weight))
+    weights = np.concatenate(weights)
+    return np.array([_weighted_quantile(ratio, weights, 0.9) for ratio in np.concatenate(ratios, axis=1)]) \
+        / 1.6448536269514722
+
+
+def _weighted_quantile(values, weights, share):
+    """Smallest value with at least ``share`` of the weight at or below it."""
+    order = np.argsort(values, kind='stable')
+    heap = np.cumsum(weights[order])
+    return values[order][np.searchsorted(heap, share * heap[-1])]
