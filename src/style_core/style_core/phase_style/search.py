@@ -138,12 +138,17 @@ class Search:
         self.leader = None
         self._free = [list(filters) for filters in self._pool]
         self._filled = 0          # samples stored since the start of the window
+        self._first = 0           # the first of them that this search may use
         self._board = {}          # (behaviour, speed) -> time and peaks of the last glance
         self._turn = 0
         self.since = 0.0          # duration of this search, s
 
     def again(self):
-        """The leader no longer explains what is seen: search, with the leader as one of the hypotheses."""
+        """The leader no longer explains what is seen: search, with the leader as one of the hypotheses.
+
+        Samples from before say nothing about what is seen now, be it another person or another place.
+        """
+        self._first = max(self._filled - 1, 0)
         self.since = 0.0
         self._board = {}
         self.leader.judge_anew()
@@ -163,7 +168,7 @@ class Search:
 
     def _window(self, most=6):
         """The last samples, oldest first."""
-        count = min(self._filled, WINDOW, most)
+        count = min(self._filled - self._first, WINDOW, most)
         return np.arange(self._filled - count, self._filled) % WINDOW
 
     def step(self, budget):
@@ -206,7 +211,7 @@ class Search:
             if not self._free[index]:
                 continue
             one = self._free[index].pop()
-            first = max(self._filled - REPLAY, 0)
+            first = max(self._filled - REPLAY, self._first)
             glance = self._glances[index]
             one.start(at - speed * (now - self._times[first % WINDOW]), speed, glance.width ** 2,
                       max(behaviour.velocity[1], 1e-3) ** 2 * (0.5 if len(glance.speeds) > 1 else 1.0))
