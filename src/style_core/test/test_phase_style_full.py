@@ -137,6 +137,16 @@ def test_a_jump_of_phase_is_noticed_and_mended(walk):
     assert rms(errors[155:200]) < rms(blind[155:200])
 
 
+def test_after_a_loss_nothing_from_before_is_searched(walk):
+    one, two = (made_person(name, 5.6, 0.5, seed, shift=shift, seconds=2.5)[0].y
+                for name, seed, shift in (('n_1', 31, 0.0), ('m_1', 32, np.pi)))
+    predictor, fresh = FullPredictor([walk], without=['still']), FullPredictor([walk], without=['still'])
+    for frame in range(120):
+        predictor.update(frame / 60, one[frame])
+    after, anew = follow(predictor, two, start=2.0)[0], follow(fresh, two)[0]
+    assert rms(after[20:60]) < 1.2 * rms(anew[20:60]) + 0.005
+
+
 def test_from_standing_to_walking_to_jumping(walk, jump):
     rng = np.random.default_rng(0)
     walking = made_person('n_1', 5.6, 0.5, 41, seconds=3)[0].y
