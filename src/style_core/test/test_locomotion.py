@@ -250,6 +250,7 @@ def test_predictor_keeps_going_without_sensors_and_refuses_nonsense(learned):
         predictor.update(whole.times[80], np.zeros(5))
     with pytest.raises(ValueError, match='horizons'):
         predictor.predict(np.array([-1.0]))
+    assert predictor.predict(np.zeros(0)).mean.shape == (0, 6)
     predictor.reset()
     with pytest.raises(ValueError, match='first update'):
         predictor.predict(np.array([0.1]))

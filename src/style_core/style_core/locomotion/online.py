@@ -147,9 +147,6 @@ class LocomotionPredictor:
             raise ValueError('horizons must be a list of times of at least 0 s')
         if self._time is None:
             raise ValueError('nothing was observed yet: predict after the first update')
-        mean, std, velocity = (np.empty((len(horizons), len(self.joint_names))) for _ in range(3))
-        noise = self._excess * self._personal.noise
-        log_memory = np.log(np.maximum(self._personal.memory, 1e-30)) * self._rate_hz
         size = self._prob[:, 0].size
         kept = np.flatnonzero(self._prob > 1e-6 * self._prob.max())
         prob = self._prob.reshape(-1)[kept]
@@ -157,24 +154,26 @@ class LocomotionPredictor:
         style, speed, position = np.unravel_index(kept, self._prob.shape)
         n_positions = len(self._grid)
         rate = self._speeds[style, speed]
-        for k, ahead in enumerate(horizons):
-            fade = np.exp(log_memory * ahead)
-            steps = position + rate * (ahead * n_positions / (2 * np.pi))
-            whole = np.floor(steps)
-            part = steps - whole
-            whole = whole.astype(np.intp)
-            cells = np.concatenate(
-                [style * n_positions + whole % n_positions, style * n_positions + (whole + 1) % n_positions]
-            )
-            share = np.concatenate([(1 - part) * prob, part * prob])
-            weight = np.bincount(cells, share, size)
-            expected, spread = self._mixture(weight)
-            there = np.flatnonzero(weight)
-            pushed = np.bincount(cells, share * np.concatenate([rate, rate]), size)[there]
-            mean[k] = expected + fade * self._rest
-            std[k] = np.sqrt(spread + fade**2 * self._rest_variance + (1 - fade**2) * noise)
-            velocity[k] = pushed @ self._own_slope.reshape(size, -1)[there] + log_memory * fade * self._rest
-        return Prediction(self._time + horizons, mean, std, velocity)
+        # every cell moves on by its own speed and is split between the two nearest phases, at every horizon (H, cells)
+        steps = position + rate * (horizons[:, None] * n_positions / (2 * np.pi))
+        whole = np.floor(steps)
+        part = steps - whole
+        first = whole.astype(np.intp) % n_positions
+        base = np.arange(len(horizons))[:, None] * size + style * n_positions
+        cells = np.concatenate([base + first, base + (first + 1) % n_positions], axis=1).reshape(-1)
+        share = np.concatenate([(1 - part) * prob, part * prob], axis=1)
+        weight, pushed = (np.bincount(cells, value.reshape(-1), len(horizons) * size).reshape(-1, size)
+                          for value in (share, share * np.concatenate([rate, rate])))
+        own, square, slope = (table.reshape(size, -1) for table in (self._own, self._own_square, self._own_slope))
+        expected = weight @ own
+        spread = np.maximum(weight @ square - expected**2, 0.0) \
+            + weight.reshape(-1, len(self._own), n_positions).sum(axis=1) @ self._doubt
+        log_memory = np.log(np.maximum(self._personal.memory, 1e-30)) * self._rate_hz
+        fade = np.exp(log_memory * horizons[:, None])
+        noise = (1 - fade**2) * self._excess * self._personal.noise
+        return Prediction(self._time + horizons, expected + fade * self._rest,
+                          np.sqrt(spread + fade**2 * self._rest_variance + noise),
+                          pushed @ slope + log_memory * fade * self._rest)
 
     # the grid -----------------------------------------------------------------------------------------------------
 
