@@ -69,7 +69,7 @@ def test_reads_short_and_long_entries(tmp_path):
 
 
 @pytest.mark.parametrize('text, message', [
-    ('joints: [a, b]', 'must map'),
+    ('joints: [a, b]', 'must map joints'),
     ('joints: {hip: {sign: 1}}', 'joint hip: must have "robot"'),
     ('joints: {hip: {robot: h, sgn: 1}}', 'cannot have sgn'),
     ('joints: {hip: {robot: h, sign: 2}}', 'sign must be 1 or -1'),

@@ -1,13 +1,12 @@
 """Which robot joint is which model joint, and how its angle is counted."""
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Mapping, Optional, Tuple
 
 import numpy as np
-import yaml
 
 from style_core.errors import ModelError
+from style_core.joint_file import read_joint_file
 
 __all__ = ['JointRule', 'JointMap', 'BoundMap', 'identity_map', 'read_joint_map']
 
@@ -158,20 +157,8 @@ def read_joint_map(path):
     ModelError
         If the file cannot be read or does not have this form; the message names the entry.
     """
-    path = Path(path)
-    try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
-        raise ModelError(f'joint map {path} cannot be read: {error}') from None
-    if not isinstance(content, dict) or not set(content) <= {'joints', 'unlisted'}:
-        raise ModelError(f'joint map {path} must hold "joints" and, if wanted, "unlisted", and nothing else')
-    joints, unlisted = content.get('joints') or {}, content.get('unlisted', 'drop')
-    if not isinstance(joints, dict):
-        raise ModelError(f'{path}: "joints" must map model joints to robot joints')
-    if unlisted not in ('keep', 'drop'):
-        raise ModelError(f'{path}: "unlisted" must be keep or drop, not {unlisted!r}')
-    return JointMap({str(name): _read_rule(f'{path}, joint {name}', entry) for name, entry in joints.items()},
-                    keep_unlisted=unlisted == 'keep')
+    joints, keep_unlisted, _ = read_joint_file(path, 'joint map')
+    return JointMap({name: _read_rule(f'{path}, joint {name}', entry) for name, entry in joints.items()}, keep_unlisted)
 
 
 def _read_rule(where, entry):

@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Mapping, Optional, Tuple
 
 import numpy as np
-import yaml
 
 from style_core.errors import ModelError
+from style_core.joint_file import read_joint_file
 
 __all__ = ['RobotJoint', 'Robot', 'BoundRobot', 'read_robot', 'write_robot', 'plain_robot']
 
@@ -147,26 +147,17 @@ def read_robot(path):
         If the file cannot be read or does not have this form; the message names the joint.
     """
     path = Path(path)
-    try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
-        raise ModelError(f'robot {path} cannot be read: {error}') from None
-    known = {'name', 'urdf', 'joints', 'unlisted', 'defaults'}
-    if not isinstance(content, dict) or not set(content) <= known or not isinstance(content.get('joints', {}), dict):
-        raise ModelError(f'robot {path} must hold joints, may hold name, urdf, defaults and unlisted, and nothing else')
+    entries, keep_unlisted, content = read_joint_file(path, 'robot', ('name', 'urdf', 'defaults'))
     defaults = content.get('defaults') or {}
     if not isinstance(defaults, dict) or not set(defaults) <= {'velocity', 'acceleration'}:
         raise ModelError(f'{path}: defaults may hold velocity and acceleration, and nothing else')
-    if content.get('unlisted', 'drop') not in ('keep', 'drop'):
-        raise ModelError(f'{path}: unlisted must be keep or drop, not {content["unlisted"]!r}')
     joints = {}
-    for name, entry in (content.get('joints') or {}).items():
+    for name, entry in entries.items():
         try:
-            joints[str(name)] = _joint(entry or {}, defaults)
+            joints[name] = _joint(entry or {}, defaults)
         except (ModelError, TypeError) as error:
             raise ModelError(f'{path}, joint {name}: {error}') from None
-    return Robot(str(content.get('name', path.stem)), joints, str(content.get('urdf', '')),
-                 content.get('unlisted', 'drop') == 'keep')
+    return Robot(str(content.get('name', path.stem)), joints, str(content.get('urdf', '')), keep_unlisted)
 
 
 def _joint(entry, defaults):
