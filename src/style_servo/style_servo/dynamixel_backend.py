@@ -33,6 +33,8 @@ POSITION_MODE = 3
 TIME_PROFILE = 0x04         # bit of Drive Mode
 ALERT = 0x80                # bit of a status packet's error
 TRIES = 5
+# the one position value whose bytes (FF FF FD FF) look like the start of a packet; the SDK sends it without stuffing
+UNSENDABLE = -131073
 LINGER_S = 0.02       # after a failed question, so that a late answer is not taken for that of the next
 _GONE = (OSError, termios.error, TypeError)     # serial.SerialException is an OSError; TypeError: closed underneath
 _HARDWARE = {0x01: 'input voltage', 0x04: 'overheating', 0x08: 'encoder', 0x10: 'electrical shock', 0x20: 'overload'}
@@ -181,7 +183,7 @@ class DynamixelBackend:
             for servo in self._servos:
                 self._configure(servo)
             self._make_groups()
-            self._read_all()
+            any(self._read_all() for _ in range(TRIES))
             for _ in self._servos:
                 self._read_slowly()
         except _GONE as error:
@@ -326,11 +328,13 @@ class DynamixelBackend:
         self._read_groups = []
         for address, indices in reads.items():
             group = GroupSyncRead(self._port, self._packets, address, _FAST_FORMAT.size)
+            # the SDK leaves the stuffing in fast replies, and positions beyond 16 bits may need some
+            fast = self._settings.fast_read and all(self._servos[i].table.zero for i in indices)
             for i in indices:
                 group.addParam(self._servos[i].id)
             # the instruction's bytes and each servo's share of the replies
-            on_line = 22 + len(indices) * (1 + _FAST_FORMAT.size + (4 if self._settings.fast_read else 11))
-            self._read_groups.append((group, indices, self._patience(on_line)))
+            on_line = 22 + len(indices) * (1 + _FAST_FORMAT.size + (4 if fast else 11))
+            self._read_groups.append((group, indices, fast, self._patience(on_line)))
 
     def _patience(self, n_bytes):
         """How long to wait for an exchange of this many bytes, ms."""
@@ -381,6 +385,11 @@ class DynamixelBackend:
 
     # --- every cycle --------------------------------------------------------------------------------------------
 
+    def _goals(self, angles):
+        """Position values of joint angles, inside the limits."""
+        counts = np.clip(np.rint(self._zero + angles * self._per_rad), self._low, self._high)
+        return np.where(counts == UNSENDABLE, UNSENDABLE + 1, counts)
+
     def _write_goals(self, counts):
         for group, indices in self._goal_groups:
             group.clearParam()
@@ -394,8 +403,8 @@ class DynamixelBackend:
         """Read every servo; True if all answered. Raises when a servo says that it no longer follows."""
         measurement = self.measurement
         measurement.fresh = False
-        for group, indices, timeout in self._read_groups:
-            if self._settings.fast_read:
+        for group, indices, fast, timeout in self._read_groups:
+            if fast:
                 result = group.fastSyncReadTxPacket()
                 self._port.setPacketTimeoutMillis(timeout)
                 try:
@@ -433,7 +442,7 @@ class DynamixelBackend:
 
     def exchange(self, position, velocity, stop=None):
         """Send goal positions and read the servos back; see Backend.exchange."""
-        self._cycle(np.clip(np.rint(self._zero + position * self._per_rad), self._low, self._high))
+        self._cycle(self._goals(position))
 
     def observe(self):
         """Read the servos back; see Backend.observe."""
@@ -511,7 +520,7 @@ class DynamixelBackend:
             # everything below goes to all servos in one packet each: a servo that only hears others being spoken to
             # runs into its watchdog
             self._write_all('Bus Watchdog', [0] * len(self._servos))
-            goals = np.clip(np.rint(self._zero + self.measurement.position * self._per_rad), self._low, self._high)
+            goals = self._goals(self.measurement.position)
             self._write_goals(goals)
             for servo, goal in zip(self._servos, goals):
                 found = _signed(self._read(servo, 'Goal Position'), 4)

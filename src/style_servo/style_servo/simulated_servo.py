@@ -28,6 +28,13 @@ _SPECIAL = {
     'XH430': {'Current Limit': 648, 'Velocity Limit': 280},
     'PH54': {'Max Position Limit': 501433, 'Min Position Limit': -501433, 'Velocity Limit': 2900},
     'PH42': {'Max Position Limit': 303454, 'Min Position Limit': -303454, 'Velocity Limit': 2920},
+    # rounded: enough to be driven
+    'PM54': {'Max Position Limit': 251173, 'Min Position Limit': -251173, 'Velocity Limit': 2800},
+    'PM42': {'Max Position Limit': 262931, 'Min Position Limit': -262931, 'Velocity Limit': 2600},
+    'H54': {'Max Position Limit': 501433, 'Min Position Limit': -501433, 'Velocity Limit': 2900},
+    'H42': {'Max Position Limit': 303454, 'Min Position Limit': -303454, 'Velocity Limit': 2600},
+    'M54': {'Max Position Limit': 250961, 'Min Position Limit': -250961, 'Velocity Limit': 2800},
+    'M42': {'Max Position Limit': 262931, 'Min Position Limit': -262931, 'Velocity Limit': 2600},
 }
 _READ_ONLY = ('Model Number', 'Model Information', 'Firmware Version', 'Registered Instruction', 'Realtime Tick',
               'Hardware Error Status', 'Moving', 'Moving Status', 'Velocity Trajectory', 'Position Trajectory',

@@ -72,6 +72,24 @@ def test_a_mixed_chain_is_configured_driven_and_released(simulate, fast_read):
     assert not any(servo['torque'] for servo in simulator.tell('state')['servos'])
 
 
+@pytest.mark.parametrize('model', ['PH42-020-S300', 'PM54-060-S250', 'H54-200-S500-RA'])
+def test_the_p_series_with_its_large_position_values(simulate, model):
+    unit = control_table(model_named(model)).position_unit
+    tricky = -131073 * unit         # FF FF FD FF on the line
+    simulator = simulate('--servos', f'1-2:{model}', '--start', f'{tricky:.12f}')
+    chain = [Joint('a', -2.0, 2.0, 2.5, 20.0, id=1, model=model, sign=-1),
+             Joint('b', -2.0, 2.0, 2.5, 20.0, id=2, model=model, offset=0.3)]
+    backend = backend_for(simulator, chain, watchdog=1.0)
+    backend.connect()
+    np.testing.assert_allclose(backend.measurement.position, [-tricky, tricky - 0.3], atol=2 * unit)
+    backend.enable()
+    np.testing.assert_allclose(run(backend, np.array([0.5, 0.7]), 1.5), [0.5, 0.7], atol=0.004)
+    np.testing.assert_allclose(run(backend, np.array([-tricky, 0.7]), 1.5), [-tricky, 0.7], atol=0.004)
+    assert simulator.servo(1)['goal'] == -131072 and simulator.servo(2)['goal'] > 0
+    assert backend.statistics['write errors'] == 0 and simulator.servo(1)['torque']
+    backend.close()
+
+
 def test_settings_are_written_and_spare_the_eeprom(connected):
     backend, simulator = connected
     servo = backend._servos[0]
