@@ -52,6 +52,9 @@ class PromptExecutor(SingleThreadedExecutor):
         if self._changed:
             self._changed = False
             self._gather()
+        if self._tasks_wait():
+            self._rest()
+            return
         if not all(one.callback_group.can_execute(one) for one in self._one_a_group):
             super().spin_once(timeout_sec)
             return
@@ -68,16 +71,25 @@ class PromptExecutor(SingleThreadedExecutor):
             raise ExternalShutdownException
         ready = wait_set.get_ready_entities
         for subscription in _of(self._subscriptions, ready('subscription')):
-            self._run(subscription, self._take_subscription)
+            self._run(subscription, _take)
         for timer in _of(self._timers, ready('timer')):
-            if timer.handle.is_timer_ready():
-                self._run(timer, self._take_timer)
+            self._run(timer, _call)
         guards = _of(self._guards, ready('guard_condition'))
         for guard in guards:
             guard._executor_triggered = True  # rclpy triggers it again and serves it
-        if guards or self._ready_tasks or ready('service') or ready('client') or any(
-                one.is_ready(wait_set) for one in self._waitables):
-            super().spin_once(0)
+        if guards or ready('service') or ready('client') or any(one.is_ready(wait_set) for one in self._waitables):
+            self._rest()
+
+    def _rest(self):
+        """Let rclpy serve one thing."""
+        self._cb_iter = None  # what it knew to be ready may be no more
+        super().spin_once(0)
+
+    def _tasks_wait(self):
+        """Whether coroutines can go on; earlier releases of Humble ask all that have not ended."""
+        if hasattr(self, '_ready_tasks'):
+            return len(self._ready_tasks) > 0
+        return any(not one[0].done() for one in self._tasks)
 
     def _gather(self):
         """Note what to wait for and how to add it to a wait set, and hold it so that nobody destroys it meanwhile."""
@@ -99,23 +111,31 @@ class PromptExecutor(SingleThreadedExecutor):
         for one in (*(handle for _, handle in self._entries), *self._waitables):
             self._held.enter_context(one)
 
-    def _run(self, entity, take):
+    def _run(self, entity, serve):
         if self._changed and entity not in self._alive():
             return  # an earlier callback has destroyed it
         group = entity.callback_group
         if not group.beginning_execution(entity):
             return
         try:
-            taken = take(entity)
-            if taken is True:
-                entity.callback()
-            elif taken:
-                entity.callback(taken)
+            serve(entity)
         finally:
             group.ending_execution(entity)
 
     def _alive(self):
         return [one for node in self.get_nodes() for kind in (node.subscriptions, node.timers) for one in kind]
+
+
+def _take(subscription):
+    taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+    if taken is not None:
+        subscription.callback(taken[0])
+
+
+def _call(timer):
+    if not timer.is_canceled() and timer.handle.is_timer_ready():
+        timer.handle.call_timer()
+        timer.callback()
 
 
 def _of(entities, pointers):

@@ -153,6 +153,39 @@ def test_a_subscription_destroyed_by_another_with_a_message_waiting_is_not_calle
     assert not setting.spin(lambda: 'second' in calls, 0.2) or calls == ['second', 'first']
 
 
+def test_a_coroutine_goes_on_before_the_next_timer(setting):
+    """As rclpy has it: what a timer finishes is not seen unfinished by its next call."""
+    order, gate = [], Future()
+
+    async def wait():
+        await gate
+        order.append('went on')
+
+    def tick():
+        order.append('tick')
+        if order.count('tick') == 3:
+            gate.set_result(None)
+    setting.node.create_service(Trigger, 'unrelated', lambda request, response: response)
+    task = setting.executor.create_task(wait)
+    setting.node.create_timer(0.001, tick)
+    assert setting.spin(lambda: task.done() and order.count('tick') > 5)
+    assert order[:4] == ['tick', 'tick', 'tick', 'went on']
+
+
+def test_a_timer_cancelled_by_a_message_does_not_fire(setting):
+    fired = []
+    setting.node.destroy_subscription(setting.subscription)
+    timer = setting.node.create_timer(0.05, lambda: fired.append('timer'))
+    setting.node.create_subscription(String, 'words', lambda message: timer.cancel(), 10)
+    assert setting.spin(lambda: setting.publisher.get_subscription_count() == 1)
+    timer.reset()
+    fired.clear()
+    setting.say('stop')
+    time.sleep(0.08)   # now both are ready
+    assert not setting.spin(lambda: fired, 0.2)
+    assert timer.is_canceled()
+
+
 def test_tasks_run_and_errors_of_callbacks_come_out(setting):
     task = setting.executor.create_task(lambda: 'done')
     assert setting.spin(task.done) and task.result() == 'done'

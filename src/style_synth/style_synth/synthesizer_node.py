@@ -3,11 +3,9 @@ import sys
 from pathlib import Path
 from time import perf_counter
 
-import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from style_core.errors import ModelError, MotionError, UsageError
@@ -18,6 +16,7 @@ from style_core.synthesis.health import synthesis_health
 from style_core.synthesis.repertoire import list_models, load_repertoire
 from style_core.synthesis.retargeting import plain_robot, read_robot
 from style_core.synthesis.stage import Stage
+from style_predictor.executor import run
 from style_predictor.lifecycle import SoundLifecycleNode, transition
 from style_predictor.outputs import diagnostics_message
 from style_predictor.ros_parameters import declare, values_of, watch
@@ -203,24 +202,7 @@ class SynthesizerNode(SoundLifecycleNode):
 
 def main(args=None):
     """Run the node until it is told to stop."""
-    sys.setswitchinterval(0.0005)  # a model loading in its thread must not hold up windows
-    rclpy.init(args=args)
-    node = None
-    try:
-        node = SynthesizerNode()
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except UsageError as error:
-        print(f'synthesizer: {error}', file=sys.stderr)
-        return 2
-    finally:
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
+    return run(SynthesizerNode, 'synthesizer', args=args)
 
 
 if __name__ == '__main__':
