@@ -3,7 +3,7 @@ import sys
 from contextlib import ExitStack
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor, TimeoutException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.waitable import NumberOfEntities
 
@@ -81,9 +81,16 @@ class PromptExecutor(SingleThreadedExecutor):
             self._rest()
 
     def _rest(self):
-        """Let rclpy serve one thing."""
+        """Let rclpy serve everything that is ready once, so that busy timers keep no service waiting."""
         self._cb_iter = None  # what it knew to be ready may be no more
-        super().spin_once(0)
+        while True:
+            try:
+                handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0)
+            except (TimeoutException, ShutdownException):
+                return
+            handler()
+            if handler.exception() is not None:
+                raise handler.exception()
 
     def _tasks_wait(self):
         """Whether coroutines can go on; earlier releases of Humble ask all that have not ended."""

@@ -153,6 +153,27 @@ def test_a_subscription_destroyed_by_another_with_a_message_waiting_is_not_calle
     assert not setting.spin(lambda: 'second' in calls, 0.2) or calls == ['second', 'first']
 
 
+def test_a_timer_that_is_always_due_keeps_no_service_waiting(setting):
+    setting.node.create_timer(0.001, lambda: time.sleep(0.004))
+
+    def yes(request, response):
+        response.success = True
+        return response
+
+    async def slowly(request, response):
+        return yes(request, response)
+    setting.node.create_service(Trigger, 'yes', yes)
+    setting.node.create_service(Trigger, 'slowly', slowly)
+    for name in ('yes', 'slowly'):
+        client = setting.peer.create_client(Trigger, name)
+        assert setting.spin(client.service_is_ready)
+        for _ in range(5):
+            asked = client.call_async(Trigger.Request())
+            assert setting.spin(asked.done, 5.0) and asked.result().success
+    setting.say('and messages')
+    assert setting.spin(lambda: setting.heard)
+
+
 def test_a_coroutine_goes_on_before_the_next_timer(setting):
     """As rclpy has it: what a timer finishes is not seen unfinished by its next call."""
     order, gate = [], Future()
