@@ -52,32 +52,39 @@ def test_a_motion_comes_back_from_a_bag(tmp_path, gait, name, storage):
     np.testing.assert_array_equal(part.positions, motion.positions[100:200])
 
 
-def test_bags_are_read_by_programs_that_share_no_code_with_us(tmp_path, gait):
-    """MCAP by Foxglove's reader, which decodes by the definitions in the file; sqlite3 by SQL and the rules of CDR."""
-    read_ros2_messages = pytest.importorskip('mcap_ros2.reader').read_ros2_messages
+def recorded(gait):
     values = gait.positions[:50].copy()
     values[3, 2] = np.nan
     motion = gait.slice(0, 0.5).replace(positions=values, epoch_ns=EPOCH)
-    stamps = EPOCH + np.round(motion.times * 1e9).astype(np.int64)
+    return motion, (EPOCH + np.round(motion.times * 1e9).astype(np.int64)).tolist()
+
+
+def test_mcap_is_read_by_a_program_that_shares_no_code_with_us(tmp_path, gait):
+    """Foxglove's reader, which decodes by the definitions in the file."""
+    read_ros2_messages = pytest.importorskip('mcap_ros2.reader').read_ros2_messages
+    motion, stamps = recorded(gait)
     write_motion(motion, tmp_path / 'walk.mcap')
     messages = list(read_ros2_messages(str(tmp_path / 'walk.mcap')))
     assert [(m.channel.topic, m.schema.name, m.log_time_ns) for m in messages] == [
         ('/joint_states', bag.JOINT_STATE, stamp) for stamp in stamps]
     decoded = [m.ros_msg for m in messages]
-    assert [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in decoded] == stamps.tolist()
+    assert [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in decoded] == stamps
     assert all(tuple(m.name) == motion.joint_names and not m.velocity and not m.effort for m in decoded)
-    np.testing.assert_array_equal([m.position for m in decoded], values)
+    np.testing.assert_array_equal([m.position for m in decoded], motion.positions)
 
+
+def test_sqlite_answers_what_rosbag2_asks_for(tmp_path, gait):
+    """The columns that Humble's rosbag2 selects, and messages decoded by the rules of CDR alone."""
+    motion, stamps = recorded(gait)
     write_motion(motion, tmp_path / 'walk')
     database = sqlite3.connect(tmp_path / 'walk' / 'walk.db3')
-    # what rosbag2 of Humble asks its files for
     (topic,) = database.execute('SELECT id, name, type, serialization_format, offered_qos_profiles FROM topics')
     assert topic[1:] == ('/joint_states', bag.JOINT_STATE, 'cdr', '')
     rows = list(database.execute('SELECT data, timestamp FROM messages JOIN topics ON messages.topic_id = topics.id '
                                  "WHERE topics.name = '/joint_states' ORDER BY timestamp"))
     database.close()
-    assert [row[1] for row in rows] == stamps.tolist()
-    for (data, stamp), expected in zip(rows, values):
+    assert [row[1] for row in rows] == stamps
+    for (data, stamp), expected in zip(rows, motion.positions):
         assert joint_state_by_hand(data) == (stamp, '', list(motion.joint_names), pytest.approx(expected, nan_ok=True),
                                              [], [])
 

@@ -17,9 +17,9 @@ class PromptExecutor(SingleThreadedExecutor):
 
     rclpy gathers everything a node has before every wait, and wraps every callback in a task whose end wakes the
     executor once more: most of a millisecond a message. Here what is waited for is gathered when it changes, and
-    callbacks of subscriptions and timers are called at once, subscriptions first. Everything else (services, clients,
+    callbacks of timers and subscriptions are called at once, in this order. Everything else (services, clients,
     actions, tasks) is left to rclpy, and so is all of it while a coroutine keeps a callback group busy.
-    Callbacks of subscriptions and timers must be plain functions.
+    Callbacks of timers and subscriptions must be plain functions.
     """
 
     def __init__(self, *, context=None):
@@ -70,10 +70,10 @@ class PromptExecutor(SingleThreadedExecutor):
         if not self._context.ok():
             raise ExternalShutdownException
         ready = wait_set.get_ready_entities
+        for timer in _of(self._timers, ready('timer')):  # in rclpy's order
+            self._run(timer, _call)
         for subscription in _of(self._subscriptions, ready('subscription')):
             self._run(subscription, _take)
-        for timer in _of(self._timers, ready('timer')):
-            self._run(timer, _call)
         guards = _of(self._guards, ready('guard_condition'))
         for guard in guards:
             guard._executor_triggered = True  # rclpy triggers it again and serves it

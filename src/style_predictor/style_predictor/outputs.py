@@ -41,6 +41,7 @@ class Writers:
         self._prediction = MessageTemplate(MotionPrediction(
             model=live.name, mean=_trajectory(joints, horizons), standard_deviation=[0.0] * len(horizons) * count))
         self._filled = MessageTemplate(JointState(name=list(joints), position=[0.0] * count))
+        self._ahead = MessageTemplate(JointState(name=list(joints), position=[0.0] * count, velocity=[0.0] * count))
         self._estimates = {}
 
     def filled(self, step):
@@ -57,6 +58,11 @@ class Writers:
         return self._prediction.write({
             **_stamp(outlook.stamp), **_stamp(outlook.stamp, 'mean.'), 'mean.points.positions': outlook.mean,
             'mean.points.velocities': outlook.velocity, 'standard_deviation': outlook.std})
+
+    def ahead(self, outlook):
+        """Serialised JointState of the farthest pose of a prediction."""
+        return self._ahead.write({**_stamp(outlook.stamp), 'position': outlook.mean[-1],
+                                  'velocity': outlook.velocity[-1]})
 
     def estimate(self, step):
         """Serialised StyleEstimate of a step."""
@@ -100,11 +106,12 @@ class Outputs:
         self._prediction = create(MotionPrediction, '~/prediction', 5)
         self._estimate = create(StyleEstimate, '~/estimate', 5)
         self._filled = create(JointState, '~/filled', 5)
+        self._ahead = create(JointState, '~/ahead', 5)
         self._model = create(String, '~/model', latched)
 
     def destroy(self):
         """Take the publishers down."""
-        for publisher in (self._trajectory, self._prediction, self._estimate, self._filled, self._model):
+        for publisher in (self._trajectory, self._prediction, self._estimate, self._filled, self._ahead, self._model):
             self._node.destroy_lifecycle_publisher(publisher)
 
     def publish(self, writers, step, predict):
@@ -122,11 +129,13 @@ class Outputs:
         Outlook or None
             What was predicted.
         """
-        outlook = predict() if _heard(self._trajectory) or _heard(self._prediction) else None
+        outlook = predict() if any(map(_heard, (self._trajectory, self._prediction, self._ahead))) else None
         if outlook is not None:
             self._trajectory.publish(writers.trajectory(outlook))
             if _heard(self._prediction):
                 self._prediction.publish(writers.prediction(outlook))
+            if _heard(self._ahead):
+                self._ahead.publish(writers.ahead(outlook))
         if _heard(self._estimate):
             self._estimate.publish(writers.estimate(step))
         if _heard(self._filled):

@@ -54,6 +54,9 @@ def test_everything_written_is_read_back(joint_map):
             assert [(p.time_from_start.sec, p.time_from_start.nanosec) for p in message.points] == [
                 (0, 100_000_000), (0, 250_000_000), (1, 750_000_000)]
         np.testing.assert_array_equal(prediction.standard_deviation, std.ravel())
+        ahead = deserialize_message(write.ahead(outlook), JointState)
+        assert tuple(ahead.name) == joints and stamp_of(ahead) == STAMP
+        np.testing.assert_array_equal([ahead.position, ahead.velocity], [mean[-1], velocity[-1]])
         assert prediction.model == 'walk' and stamp_of(prediction) == STAMP
 
 
