@@ -27,6 +27,8 @@ def main():
     parser.add_argument('--trial', default='16_32', help='recording to play (default: 16_32)')
     parser.add_argument('--method', default='full', choices=('full', 'paper'), help='filter (default: full)')
     parser.add_argument('--output', type=Path, default=ROOT / 'out' / 'demo', help='folder (default: out/demo)')
+    parser.add_argument('--robot', action='store_true',
+                        help='then the second part, a robot that walks with the person (demo_synth.py)')
     args = parser.parse_args()
     if args.seconds < 6:
         parser.error('--seconds must be at least 6: the filter needs a moment, and so does the leg')
@@ -63,12 +65,24 @@ def main():
     if not recorder.messages:
         print(f'Nothing came back from the nodes; see {args.output / "nodes.log"}', file=sys.stderr)
         return 1
-    bag = args.output / 'bag'
-    shutil.rmtree(bag, ignore_errors=True)  # of an earlier demo
-    recorder.write(bag)
-    report(recorder, show, dark, args.method, args.output)
-    print(f'\nPictures: {args.output}/*.png\nBag:      {bag}')
-    return 0
+    # the nodes of the second part start while the first is drawn
+    robot = subprocess.Popen([sys.executable, '-u', str(ROOT / 'scripts' / 'demo_synth.py')], text=True,
+                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT) if args.robot else None
+    try:
+        bag = args.output / 'bag'
+        shutil.rmtree(bag, ignore_errors=True)  # of an earlier demo
+        recorder.write(bag)
+        report(recorder, show, dark, args.method, args.output)
+        print(f'\nPictures: {args.output}/*.png\nBag:      {bag}', flush=True)
+        for line in robot.stdout if robot else ():
+            print(line, end='', flush=True)
+    except BaseException:
+        if robot:
+            robot.send_signal(signal.SIGINT)
+        raise
+    finally:
+        status = robot.wait() if robot else 0
+    return status
 
 
 if __name__ == '__main__':

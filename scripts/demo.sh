@@ -4,6 +4,6 @@
 "$ROOT/scripts/setup.sh"
 source_workspace
 cd "$ROOT"
-python3 scripts/demo.py "$@"
 # without arguments the second part follows: a robot walks with the person (scripts/demo_synth.py --help)
-[ $# != 0 ] || exec python3 scripts/demo_synth.py
+[ $# != 0 ] || set -- --robot
+exec python3 scripts/demo.py "$@"
