@@ -138,13 +138,19 @@ def test_a_jump_of_phase_is_noticed_and_mended(walk):
 
 
 def test_after_a_loss_nothing_from_before_is_searched(walk):
+    predictor = FullPredictor([walk], without=['still'])
     one, two = (made_person(name, 5.6, 0.5, seed, shift=shift, seconds=2.5)[0].y
                 for name, seed, shift in (('n_1', 31, 0.0), ('m_1', 32, np.pi)))
-    predictor, fresh = FullPredictor([walk], without=['still']), FullPredictor([walk], without=['still'])
     for frame in range(120):
         predictor.update(frame / 60, one[frame])
-    after, anew = follow(predictor, two, start=2.0)[0], follow(fresh, two)[0]
-    assert rms(after[20:60]) < 1.2 * rms(anew[20:60]) + 0.005
+    for frame in range(30):
+        status = predictor.update(2 + frame / 60, two[frame]).status
+        if status is Status.LOST:
+            break
+    assert status is Status.LOST
+    np.testing.assert_array_equal(predictor._search.window()[0], two[frame:frame + 1])
+    predictor.update(2 + (frame + 1) / 60, two[frame + 1])
+    np.testing.assert_array_equal(predictor._search.window()[0], two[frame:frame + 2])
 
 
 def test_from_standing_to_walking_to_jumping(walk, jump):

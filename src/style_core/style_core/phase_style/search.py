@@ -166,15 +166,15 @@ class Search:
         self._filled += 1
         return True
 
-    def _window(self, most=6):
-        """The last samples, oldest first."""
+    def window(self, most=6):
+        """The last samples of this search, oldest first: observations, what of them counts, rows they are kept in."""
         count = min(self._filled - self._first, WINDOW, most)
-        return np.arange(self._filled - count, self._filled) % WINDOW
+        rows = np.arange(self._filled - count, self._filled) % WINDOW
+        return self._y[rows], self._observed[rows], rows
 
     def step(self, budget):
         """Glance at some hypotheses, start the best, and let those that run catch up."""
-        rows = self._window()
-        y, observed = self._y[rows], self._observed[rows]
+        y, observed, rows = self.window()
         back = self._times[rows[-1]] - self._times[rows]
         now = self._times[rows[-1]]
         # one sample says nothing about speed: glance at every behaviour with its mean speed; later at all in turn
