@@ -12,6 +12,7 @@ import numpy as np
 
 from libc.math cimport INFINITY, NAN, cos, exp, floor, log, sin, sqrt
 from libc.stdint cimport uintptr_t
+from libc.string cimport memset
 
 cdef extern from "blocks.h":
     enum: LANES, MOST
@@ -565,8 +566,7 @@ cdef class ArrowFilter:
         self.P[0, 0], self.P[1, 1] = phase_variance, velocity_variance
         self.age[:] = 0
         for block in range(self.f.blocks):
-            for a in range(constants * LANES):
-                self._state(block, 0)[a] = 0
+            memset(self._state(block, 0), 0, constants * LANES * sizeof(double))
             for a in range(n):
                 for lane in range(LANES):
                     if a == 2:
@@ -971,7 +971,7 @@ cdef class PhaseRanking:
     cdef int nodes, channels
     cdef bint rhythmic
     cdef glance f
-    cdef double[::1] tables, samples, log_change
+    cdef double[::1] tables, samples, log_change, scores
 
     def __init__(self, mean, posture, change, bint rhythmic):
         self.nodes, self.channels, self.rhythmic = mean.shape[0] - 1, mean.shape[1], rhythmic
@@ -995,7 +995,7 @@ cdef class PhaseRanking:
         self.f.any, self.f.over = &self.samples[2 * samples * width], &self.samples[(2 * samples + 1) * width]
 
     def rank(self, const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back,
-             double velocity, const double[::1] phases, double[::1] scores):
+             double velocity, const double[::1] phases):
         """Log likelihoods of phases.
 
         Parameters
@@ -1009,9 +1009,40 @@ cdef class PhaseRanking:
             Assumed phase velocity.
         phases : ndarray, shape (P,)
             Assumed phases at the last sample.
-        scores : ndarray, shape (P,)
-            Filled in.
+
+        Returns
+        -------
+        ndarray, shape (P,)
         """
+        scores = np.empty(phases.shape[0])
+        self._rank(y, observed, back, velocity, phases, scores)
+        return scores
+
+    def peaks(self, const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back,
+              double velocity, const double[::1] phases, int most):
+        """The best of neighbouring phases: a list of (log likelihood a sample, phase), best first, at most ``most``.
+
+        ``phases`` go once around a rhythmic motion, from start to goal of another.
+        """
+        cdef int k, count = phases.shape[0]
+        cdef double left, right
+        if self.scores is None or self.scores.shape[0] != count:
+            self.scores = np.empty(count)
+        self._rank(y, observed, back, velocity, phases, self.scores)
+        found = []
+        for k in range(count):
+            left = right = -INFINITY
+            if count > 1 and (self.rhythmic or k > 0):
+                left = self.scores[k - 1 if k else count - 1]
+            if count > 1 and (self.rhythmic or k < count - 1):
+                right = self.scores[k + 1 if k < count - 1 else 0]
+            if self.scores[k] >= left and self.scores[k] > right:
+                found.append((self.scores[k] / y.shape[0], phases[k]))
+        found.sort(reverse=True)
+        return found[:most]
+
+    cdef _rank(self, const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back,
+               double velocity, const double[::1] phases, double[::1] scores):
         cdef int p, k, d, samples = y.shape[0]
         cdef long width = self.f.width
         cdef double phase, count, constant = 0

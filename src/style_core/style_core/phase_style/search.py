@@ -52,19 +52,10 @@ class Glance:
             self.width = 2 * np.pi / PHASES
         else:
             self.phases, self.speeds, self.width = np.arange(PHASES) / PHASES, [mean], 1 / PHASES
-        self.scores = np.empty(len(self.phases))
 
     def peaks(self, y, observed, back, speed):
         """The best phases at the last sample, each a peak of the score over phase: list of (score, phase)."""
-        self._ranking.rank(y, observed, back, speed, self.phases, self.scores)
-        scores = self.scores.tolist()
-        last = len(scores) - 1
-        if not self.behaviour.rhythmic:  # the ends have one neighbour
-            scores.append(-math.inf)
-        found = [(scores[k], k) for k in range(last + 1)
-                 if scores[k] >= scores[k - 1] and (scores[k] > scores[(k + 1) % len(scores)] or last == 0)]
-        found.sort(reverse=True)
-        return [(score / len(y), float(self.phases[k])) for score, k in found[:PEAKS]]
+        return self._ranking.peaks(y, observed, back, speed, self.phases, PEAKS)
 
 
 class Track:
@@ -160,7 +151,6 @@ class Search:
             return False
         row = self._filled % WINDOW
         self._y[row] = y
-        self._y[row][seen == 0] = 0.0
         self._observed[row] = seen
         self._times[row] = time
         self._filled += 1
@@ -197,10 +187,12 @@ class Search:
 
     def _start_candidates(self, rows):
         """Start the best of the board that is not running yet, in place of the worst that runs."""
+        most = 1 if self._single and self.leader is None else LIVE
+        if len(self.tracks) >= most:
+            return
         now = self._times[rows[-1]]
         order = sorted(((score, index, speed, phase, stamp) for (index, speed), (stamp, found) in self._board.items()
                         for score, phase in found), reverse=True)
-        most = 1 if self._single and self.leader is None else LIVE
         for _, index, speed, phase, stamp in order:
             if len(self.tracks) >= most:
                 break
