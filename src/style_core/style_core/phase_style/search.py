@@ -7,8 +7,9 @@ from style_core.phase_style.kernel import PhaseRanking
 
 __all__ = ['BUDGET', 'LIVE', 'Glance', 'Search', 'Track']
 
-#: Samples kept for starting a hypothesis in the past, and their smallest distance, s.
+#: Samples kept for starting a hypothesis in the past, samples a glance looks at, and their smallest distance, s.
 WINDOW = 10
+GLANCE = 6
 SPACING_S = 1 / 60 - 1e-3
 #: Hypotheses that run at a time, and filter updates spent on one observation at most.
 LIVE = 3
@@ -118,9 +119,10 @@ class Search:
         channels = len(behaviours[0].joint_names)
         self._behaviours, self._glances, self._pool, self._single = behaviours, glances, pool, single
         self._slices = [(index, speed) for index, glance in enumerate(glances) for speed in glance.speeds]
-        self._y = np.zeros((WINDOW, channels))
-        self._observed = np.zeros((WINDOW, channels), dtype=np.uint8)
-        self._times = np.zeros(WINDOW)
+        # several windows long, so that the last samples always lie in one piece
+        self._y = np.zeros((8 * WINDOW, channels))
+        self._observed = np.zeros((8 * WINDOW, channels), dtype=np.uint8)
+        self._times = np.zeros(8 * WINDOW)
         self.reset()
 
     def reset(self):
@@ -128,8 +130,10 @@ class Search:
         self.tracks = []
         self.leader = None
         self._free = [list(filters) for filters in self._pool]
-        self._filled = 0          # samples stored since the start of the window
+        self._filled = 0          # samples stored
         self._first = 0           # the first of them that this search may use
+        self._base = 0            # of them, those before the first row of the memory
+        self._last = 0.0          # stamp of the last, s
         self._board = {}          # (behaviour, speed) -> time and peaks of the last glance
         self._turn = 0
         self.since = 0.0          # duration of this search, s
@@ -146,29 +150,33 @@ class Search:
 
     def store(self, time, y, seen):
         """Keep an observation if it is far enough from the last one and not empty; returns whether it was."""
-        last = (self._filled - 1) % WINDOW
-        if not seen.any() or (self._filled and time - self._times[last] < SPACING_S):
+        if (self._filled and time - self._last < SPACING_S) or not seen.any():
             return False
-        row = self._filled % WINDOW
+        row = self._filled - self._base
+        if row == len(self._y):
+            for memory in (self._y, self._observed, self._times):
+                memory[:WINDOW] = memory[-WINDOW:]
+            self._base = self._filled - WINDOW
+            row = WINDOW
         self._y[row] = y
         self._observed[row] = seen
-        self._times[row] = time
+        self._times[row] = self._last = time
         self._filled += 1
         return True
 
-    def window(self, most=6):
+    def window(self, most=GLANCE):
         """The last samples of this search, oldest first: observations, what of them counts, rows they are kept in."""
-        count = min(self._filled - self._first, WINDOW, most)
-        rows = np.arange(self._filled - count, self._filled) % WINDOW
+        stop = self._filled - self._base
+        rows = slice(stop - min(self._filled - self._first, WINDOW, most), stop)
         return self._y[rows], self._observed[rows], rows
 
     def step(self, budget):
         """Glance at some hypotheses, start the best, and let those that run catch up."""
         y, observed, rows = self.window()
-        back = self._times[rows[-1]] - self._times[rows]
-        now = self._times[rows[-1]]
+        now = self._last
+        back = now - self._times[rows]
         # one sample says nothing about speed: glance at every behaviour with its mean speed; later at all in turn
-        if len(rows) == 1:
+        if len(y) == 1:
             keys = [(index, glance.speeds[0]) for index, glance in enumerate(self._glances)]
         else:
             keys = [self._slices[(self._turn + k) % len(self._slices)] for k in range((len(self._slices) + 2) // 3)]
@@ -176,21 +184,24 @@ class Search:
         self._board = {key: found for key, found in self._board.items() if now - found[0] < STALE_S}
         for index, speed in keys:
             self._board[index, speed] = now, self._glances[index].peaks(y, observed, back, speed)
-        self._start_candidates(rows)
+        for track in [track for track in self.tracks if self._filled - track.next > WINDOW]:
+            if track is not self.leader:  # newer ones were served first, and its samples are gone
+                self._drop(track)
+        self._start_candidates()
         # those that are nearly up to date first: one that never catches up is of no use
         for track in sorted(self.tracks, key=lambda one: -one.next):
             while budget > 0 and track is not self.leader and track.next < self._filled:
-                row = track.next % WINDOW
+                row = track.next - self._base
                 track.take(self._times[row], self._y[row], self._observed[row])
                 track.next += 1
                 budget -= 1
 
-    def _start_candidates(self, rows):
+    def _start_candidates(self):
         """Start the best of the board that is not running yet, in place of the worst that runs."""
         most = 1 if self._single and self.leader is None else LIVE
         if len(self.tracks) >= most:
             return
-        now = self._times[rows[-1]]
+        now = self._last
         order = sorted(((score, index, speed, phase, stamp) for (index, speed), (stamp, found) in self._board.items()
                         for score, phase in found), reverse=True)
         for _, index, speed, phase, stamp in order:
@@ -205,7 +216,7 @@ class Search:
             one = self._free[index].pop()
             first = max(self._filled - REPLAY, self._first)
             glance = self._glances[index]
-            one.start(at - speed * (now - self._times[first % WINDOW]), speed, glance.width ** 2,
+            one.start(at - speed * (now - self._times[first - self._base]), speed, glance.width ** 2,
                       max(behaviour.velocity[1], 1e-3) ** 2 * (0.5 if len(glance.speeds) > 1 else 1.0))
             track = Track(index, one, first)
             self.tracks.append(track)
