@@ -1,4 +1,5 @@
 """Build of style_core: pure Python plus the Cython kernels found in the package."""
+import runpy
 from pathlib import Path
 
 from Cython.Build import cythonize
@@ -33,6 +34,10 @@ class BuildKernels(build_ext):
         super().finalize_options()
         self.parallel = True
 
+    def copy_extensions_to_source(self):
+        """A build in place remembers its sources, so that an import can tell that they have changed."""
+        super().copy_extensions_to_source()
+        runpy.run_path(str(HERE / NAME / 'built.py'))['record'](HERE / NAME)
 
 
 setup(

@@ -1,0 +1,40 @@
+"""Are the compiled kernels those of the sources beside them? (Editable installs do not rebuild what has changed.)"""
+import hashlib
+import json
+import sysconfig
+from pathlib import Path
+
+__all__ = ['digests', 'record', 'check']
+
+PACKAGE = Path(__file__).parent
+
+
+def record_path(package):
+    """What a build in place was made from; there is none in an installed wheel."""
+    return package / f'.kernels{sysconfig.get_config_var("EXT_SUFFIX")}.json'
+
+
+def digests(package):
+    """Hash of every .pyx of a package with the headers beside it: dict of relative path to digest."""
+    found = {}
+    for path in sorted(package.rglob('*.pyx')):
+        texts = [path.read_bytes()] + [header.read_bytes() for header in sorted(path.parent.glob('*.h'))]
+        found[path.relative_to(package).as_posix()] = hashlib.sha256(b'\0'.join(texts)).hexdigest()
+    return found
+
+
+def record(package):
+    """Keep what was built (called by setup.py after a build in place)."""
+    record_path(package).write_text(json.dumps(digests(package), indent=1))
+
+
+def check(package=PACKAGE):
+    """Raise ImportError where a kernel was changed after it was built; does nothing in an installed wheel."""
+    try:
+        built = json.loads(record_path(package).read_text())
+    except FileNotFoundError:
+        return
+    changed = sorted(name for name, digest in digests(package).items() if built.get(name) != digest)
+    if changed:
+        raise ImportError(f'{", ".join(changed)} changed after the last build. Build again: scripts/build.sh in the '
+                          f'workspace, or for this Python: pip install --no-deps -e {package.parent}')
