@@ -3,8 +3,9 @@
 
 One step is an update with one observation plus a prediction of 25 points with standard deviation. All on one core;
 methods take turns for several rounds, and beside medians and 99th percentiles of all rounds stands the best round,
-which other work on the machine disturbs least. The bars: at 56 joints and 4 styles the published method in 50 us, the full
-filter in 100 us at the median and 250 us at the 99th percentile, restarts included; cost linear in joints and styles.
+which other work on the machine disturbs least. The bars: at 56 joints and 4 styles the published method in 50 us, the
+full filter in 100 us at the median and 250 us at the 99th percentile, restarts included; cost linear in joints and
+styles.
 """
 import argparse
 import os
