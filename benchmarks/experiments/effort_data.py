@@ -1,22 +1,34 @@
 """Fragments of real motion for the effort experiments: steps and jumps of several people, five contents."""
+import argparse
 from functools import cache
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from tqdm import tqdm
 
 from style_core import datasets
 from style_core.contacts import foot_contacts
 from style_core.effort import EFFORTS, joint_scale
+from style_core.effort.pose import PoseSpace, pose_space
 from style_core.motion import Motion
 from style_core.skeleton import read_skeleton
 
-__all__ = ['CONTENTS', 'EFFORTS', 'Fragment', 'all_fragments', 'balanced', 'scale_of', 'skeleton_of']
+__all__ = ['CONTENTS', 'EFFORTS', 'Fragment', 'People', 'all_fragments', 'balanced', 'parser', 'people', 'scale_of',
+           'skeleton_of']
 
 CONTENTS = ('walk left', 'walk right', 'run left', 'run right', 'jump')
 RATE_HZ = 60.0
 #: fingers, thumbs and toes are constant or noise; wrists of some subjects too
 JOINTS = ('!*fingers*', '!*thumb*', '!*hand*', '!*toes*', '!*wrist*')
+
+
+def parser(description):
+    """Argument parser with the options all experiments have."""
+    result = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    result.add_argument('--seed', type=int, default=0)
+    result.add_argument('--output', default='docs/results/effort', help='folder for the page and the pictures')
+    return result
 
 
 class Fragment(NamedTuple):
@@ -99,3 +111,25 @@ def balanced(fragments, each=12, seed=0, per_trial=2):
 def scale_of(fragments):
     """Weights of the joints, shape (D,), see `joint_scale`."""
     return joint_scale([f.motion for f in fragments if f.subject != '13'], skeleton_of(fragments[0].subject))
+
+
+class People(NamedTuple):
+    """One person after the other held out: all fragments, weights of joints, pose space, random numbers."""
+
+    everything: tuple
+    scale: np.ndarray
+    space: PoseSpace
+    generator: np.random.Generator
+
+    def held_out(self, seed):
+        """Subject, fragments of a library without them, their own fragments; a bar shows how far it is."""
+        for subject in tqdm(sorted({f.subject for f in self.everything}), desc='subjects', disable=None):
+            yield (subject, balanced([f for f in self.everything if f.subject != subject], seed=seed),
+                   [f for f in self.everything if f.subject == subject])
+
+
+def people(seed):
+    """Set-up of the experiments with people that the library has never seen."""
+    everything = all_fragments()
+    return People(everything, scale_of(balanced(everything, seed=seed)), pose_space(everything[0].motion.joint_names),
+                  np.random.default_rng(seed))

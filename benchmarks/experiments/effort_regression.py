@@ -4,7 +4,6 @@
 60 fragments of five contents from several people, 105 space-time interpolations, labels computed from the kinematics.
 Random splits into 85 and 20 as in the paper, and leave-one-subject-out, which the paper does not do.
 """
-import argparse
 from multiprocessing import Pool
 
 import matplotlib
@@ -12,7 +11,7 @@ import numpy as np
 
 matplotlib.use('Agg')
 import matplotlib.pyplot as plt
-from effort_data import CONTENTS, EFFORTS, all_fragments, balanced, scale_of
+from effort_data import CONTENTS, EFFORTS, all_fragments, balanced, parser, scale_of
 from tqdm import tqdm
 
 from style_core import datasets
@@ -33,12 +32,10 @@ def split_errors(task):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--splits', type=int, default=500, help='random splits (default 500)')
-    parser.add_argument('--seed', type=int, default=0)
-    parser.add_argument('--processes', type=int, default=2)
-    parser.add_argument('--output', default='docs/results/effort')
-    args = parser.parse_args()
+    options = parser(__doc__)
+    options.add_argument('--splits', type=int, default=500, help='random splits (default 500)')
+    options.add_argument('--processes', type=int, default=2)
+    args = options.parse_args()
 
     fragments = balanced(all_fragments(), seed=args.seed)
     scale = scale_of(fragments)

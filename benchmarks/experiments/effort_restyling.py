@@ -3,20 +3,16 @@
 
 Held-out sequences of every subject are restyled with a library of everyone else, for a grid of asked efforts.
 """
-import argparse
-
 import matplotlib
 import numpy as np
 
 matplotlib.use('Agg')
 import matplotlib.pyplot as plt
-from effort_data import EFFORTS, all_fragments, balanced, scale_of, skeleton_of
-from tqdm import tqdm
+from effort_data import EFFORTS, parser, people, skeleton_of
 
 from style_core import datasets
 from style_core.effort import restyle, segment, train_library, warp
 from style_core.effort.joins import join
-from style_core.effort.pose import pose_space
 from style_core.pictures import stick_strip
 from style_core.report import Report
 
@@ -31,24 +27,18 @@ def steps_and_jerk(joints):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--sequences', type=int, default=2, help='sequences a subject (default 2)')
-    parser.add_argument('--seed', type=int, default=0)
-    parser.add_argument('--output', default='docs/results/effort')
-    args = parser.parse_args()
+    options = parser(__doc__)
+    options.add_argument('--sequences', type=int, default=2, help='sequences a subject (default 2)')
+    args = options.parse_args()
 
-    everything = all_fragments()
-    scale = scale_of(balanced(everything, seed=args.seed))
-    space = pose_space(everything[0].motion.joint_names)
-    generator = np.random.default_rng(args.seed)
+    held = people(args.seed)
+    everything, scale, space, generator = held
     asked, got, plain, matching, joins, kept = [], [], [], [], {'plain': [], 'joined': [], 'real': []}, []
     strip = None
-    for subject in tqdm(sorted({f.subject for f in everything}), desc='subjects', disable=None):
-        members = balanced([f for f in everything if f.subject != subject], seed=args.seed)
+    for subject, members, own in held.held_out(args.seed):
         library = train_library([f.motion for f in members], groups=[f.content for f in members], scale=scale,
                                 blends=105, seed=args.seed)
         contents = np.array([f.content for f in members])
-        own = [f for f in everything if f.subject == subject]
         for _ in range(args.sequences):
             chosen = [own[k] for k in generator.integers(len(own), size=6)]
             source = space.decode(join([space.encode(f.motion) for f in chosen], 60.0), 60.0, name=f'subject {subject}')

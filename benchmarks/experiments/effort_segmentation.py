@@ -4,19 +4,15 @@
 For every subject: a library of everyone else's fragments, sequences of this subject's fragments joined end to end,
 one-stage dynamic programming, and the share of frames and of fragments that got the right content.
 """
-import argparse
-
 import matplotlib
 import numpy as np
 
 matplotlib.use('Agg')
 import matplotlib.pyplot as plt
-from effort_data import CONTENTS, all_fragments, balanced, scale_of
-from tqdm import tqdm
+from effort_data import CONTENTS, parser, people
 
 from style_core import datasets
 from style_core.effort.joins import join
-from style_core.effort.pose import pose_space
 from style_core.effort.segmentation import segment
 from style_core.report import Report
 
@@ -24,23 +20,17 @@ COMMAND = 'python benchmarks/experiments/effort_segmentation.py'
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--sequences', type=int, default=20, help='sequences a subject (default 20)')
-    parser.add_argument('--length', type=int, default=8, help='fragments a sequence (default 8)')
-    parser.add_argument('--seed', type=int, default=0)
-    parser.add_argument('--output', default='docs/results/effort')
-    args = parser.parse_args()
+    options = parser(__doc__)
+    options.add_argument('--sequences', type=int, default=20, help='sequences a subject (default 20)')
+    options.add_argument('--length', type=int, default=8, help='fragments a sequence (default 8)')
+    args = options.parse_args()
 
-    everything = all_fragments()
-    scale = scale_of(balanced(everything, seed=args.seed))
-    space = pose_space(everything[0].motion.joint_names)
-    generator = np.random.default_rng(args.seed)
+    held = people(args.seed)
+    everything, scale, space, generator = held
     rows, confusion, example = [], np.zeros((len(CONTENTS), len(CONTENTS))), None
-    for subject in tqdm(sorted({f.subject for f in everything}), desc='subjects', disable=None):
-        library = balanced([f for f in everything if f.subject != subject], seed=args.seed)
+    for subject, library, own in held.held_out(args.seed):
         sequences = [space.encode(f.motion).joints * scale for f in library]
         contents = np.array([f.content for f in library])
-        own = [f for f in everything if f.subject == subject]
         frames_right = frames_all = exact = 0
         for _ in range(args.sequences):
             chosen = [own[k] for k in generator.integers(len(own), size=args.length)]
