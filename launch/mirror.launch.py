@@ -21,7 +21,7 @@ ARGUMENTS = {
     'file': ('', 'motion file or bag of the person; empty where joint states come from elsewhere'),
     'skeleton': ('', 'skeleton file where the motion file needs one'),
     'loop': ('repeat', 'no, repeat or seamless'),
-    'player_speed': ('1.0', 'how fast the person is played; servos of 4.5 rad/s cannot follow a brisk walk'),
+    'player_speed': ('1.0', 'how fast the person is played; 1 as recorded'),
     'drop': ('[]', "patterns of the person's joints whose sensors go dark"),
     'drop_from': ('0.0', 's'), 'drop_until': ('0.0', 's'),
     'person': ('person/joint_states', "topic of the person's joint states"),

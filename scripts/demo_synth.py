@@ -18,6 +18,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 ROOT = Path(__file__).resolve().parents[1]
 SHOWN = ('r_hip_pitch', 'r_knee', 'l_sho_pitch', 'l_hip_roll')
 KNEE_ID = 13
+#: a joint of the person whose sensor goes dark, and when, s of the person's walk
+LOST, DARK_S = 'ltibia.rx', (6.0, 8.0)
 BRIDGE = """/**:
   ros__parameters:
     rate: 100.0
@@ -37,7 +39,7 @@ class Show:
         from rclpy.qos import DurabilityPolicy, QoSProfile
         from std_srvs.srv import Trigger
 
-        from style_msgs.msg import BridgeState, SynthesisStatus
+        from style_msgs.msg import BridgeState, StyleEstimate, SynthesisStatus
         from style_msgs.srv import ListStyles, SetStyle
         rclpy.init()
         self._rclpy, self._types = rclpy, (ListStyles, SetStyle, Trigger, BridgeState)
@@ -46,12 +48,20 @@ class Show:
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._node.create_subscription(BridgeState, '/servo_bridge/state', self._on_state, latched)
         self._node.create_subscription(SynthesisStatus, '/synthesizer/status', self._on_status, latched)
+        self._dark = False
+        self._node.create_subscription(StyleEstimate, '/predictor/estimate', self._on_estimate, 10)
 
     def _on_state(self, message):
         self.state = message
 
     def _on_status(self, message):
         self.status = message
+
+    def _on_estimate(self, message):
+        dark = not dict(zip(message.joint_names, message.observed)).get(LOST, True)
+        if dark != self._dark and self.events:
+            self.note(f'sensor of {LOST} ' + ('lost' if dark else 'back'))
+            self._dark = dark
 
     def note(self, text):
         """Write down and say what happens now."""
@@ -93,12 +103,6 @@ class Show:
                            transition_time=0.5)
         self.note(f'style {name}' if answer.success else f'style {name} refused: {answer.message}')
 
-    def lose_sensor(self, joint):
-        """The predictor gets nothing from a joint of the person any more."""
-        from style_msgs.srv import SetMask
-        answer = self.call(SetMask, '/predictor/set_mask', joints=[joint], masked=True)
-        self.note(f'sensor of {joint} lost' if answer.success else f'no sensor lost: {answer.message}')
-
     def press(self, button):
         """Call ~/estop or ~/reset of the bridge."""
         answer = self.call(self._types[2], f'/servo_bridge/{button}')
@@ -122,10 +126,7 @@ def perform(show, link):
     show.spin(1.5)
     for k in range(3):
         show.style(names[(k + 1) * (len(names) - 1) // 3])
-        show.spin(1.0)
-        if k == 1:
-            show.lose_sensor('ltibia.rx')
-        show.spin(0.4)
+        show.spin(1.4)
     show.note('servo of the right knee overloaded')
     subprocess.run([sys.executable, '-m', 'style_servo.dynamixel_sim', '--link', link, '--tell',
                     f'{{"do": "fail", "id": {KNEE_ID}, "kind": "overload"}}'], check=True, capture_output=True)
@@ -205,8 +206,8 @@ def main():
         nodes = subprocess.Popen(
             ['ros2', 'launch', str(ROOT / 'launch' / 'mirror.launch.py'), f'model:={show.model}', f'file:={show.file}',
              f'bridge_params:={output / "bridge.yaml"}', f'record:={flight}',
-             f'sim_link:={link}',
-             'player_speed:=0.5', 'loop:=seamless'], stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
+             f'sim_link:={link}', 'loop:=seamless', f'drop:=["{LOST}"]', f'drop_from:={DARK_S[0]}',
+             f'drop_until:={DARK_S[1]}'], stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
     operator = Show(output)
     try:
         walked = perform(operator, link)

@@ -68,6 +68,8 @@ class TestMirror(unittest.TestCase):
             probe.spin(WALK_S)
             heard = probe.heard
             self.assertGreater(len(states), 10)
+            self.assertEqual({state.state for state in states}, {BridgeState.STREAMING},
+                             {state.reason for state in states})
             self.assertGreater(states[-1].accepted, states[0].accepted + 10 * WALK_S)
             self.assertEqual({status.state for status in heard['/synthesizer/status']}, {SynthesisStatus.PLAYING})
             self.check_windows(heard['/joint_trajectory'])

@@ -1,5 +1,8 @@
 """The synthesizer as a process of its own: every mode, style changes, the action, bad input, its life."""
 import json
+import pty
+import subprocess
+import threading
 import unittest
 from pathlib import Path
 
@@ -20,10 +23,21 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from style_core.formats import write_motion
+from style_core.phase_style import load_behaviours
+from style_core.synthesis.cycle import CycleSource
 from style_core.synthetic import synthetic_gait
 from style_msgs.action import Synthesize
 from style_msgs.msg import StateSequence, StyleEstimate, StyleVector, SynthesisStatus
 from style_msgs.srv import ListStyles, LoadModel, SetStyle
+
+
+def training_bend():
+    """Largest acceleration of any joint in the training styles at their mean cadence, rad/s^2."""
+    behaviour = load_behaviours(MODELS / 'locomotion.npz')[0]
+    times = np.arange(0.0, 2.0, 0.01)
+    return max(np.abs(np.diff(CycleSource(behaviour, style).window(times)[1], axis=0)).max() / 0.01
+               for style in behaviour.styles)
+
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 MODELS = harness.ROOT / 'config' / 'models'
@@ -160,6 +174,81 @@ class TestSynthesizer(unittest.TestCase):
             self.assertTrue(answer.message)
         self.assertEqual(self.status().target.name, 'mean')
 
+    def test_02b_style_changes_at_any_time_bend_no_more_than_the_training_data(self):
+        """On what is received, for a robot without limits: most changes come while another is on its way."""
+        probe, rng = self.probe, np.random.default_rng(7)
+        self.begin(model='locomotion.npz', robot='cmu.yaml', mode='cycle', style='')
+        names = [style.name for style in probe.call(ListStyles, 'list_styles').styles]
+        probe.spin(0.3)
+        self.windows().clear()
+        for _ in range(10):
+            self.style.publish(StyleVector(name=f'"{rng.choice(names)}"'))
+            probe.spin(rng.uniform(0.1, 0.7))
+        messages = list(self.windows())
+        stamps = 1e-9 * np.array([stamp_of(message) for message in messages])
+        here, rate = (np.array([getattr(m.points[0], key) for m in messages]) for key in ('positions', 'velocities'))
+        step = np.diff(stamps)[:, None]
+        near = step[:, 0] < 0.05        # a window that came late says nothing about what was before it
+        self.assertGreater(near.sum(), 20)
+        bend = np.abs(np.diff(rate, axis=0)[near] / step[near]).max()
+        self.assertLess(bend, 1.5 * training_bend())
+        error = np.diff(here, axis=0) - 0.5 * step * (rate[1:] + rate[:-1])
+        # what a parabola misses at the greatest bend
+        self.assertLess(np.abs(error[near] / step[near]**2).max(), training_bend())
+        self.assertGreater(bend, 0.2 * training_bend(), 'nothing moves')
+        self.begin(model='locomotion.npz', robot='humanoid20.yaml', mode='cycle', style='')
+
+    def test_02c_keys_of_the_slider_change_the_style(self):
+        """The program of the terminal, on a pseudo-terminal, against this node."""
+        probe = self.probe
+        listed = probe.call(ListStyles, 'list_styles').styles
+        keyboard, terminal = pty.openpty()
+        slider = subprocess.Popen(['ros2', 'run', 'style_synth', 'style_slider', '--seconds', '0.2'], stdin=terminal,
+                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        try:
+            shown = threading.Event()
+            threading.Thread(target=lambda: shown.set() if slider.stdout.read(20) else None, daemon=True).start()
+            self.assertTrue(probe.wait(shown.is_set, 20.0), 'nothing is drawn')
+            harness.os.write(keyboard, b'2')
+            self.assertTrue(probe.wait(lambda: self.status().target.name == listed[1].name, 10.0))
+            harness.os.write(keyboard, b'\x1b[C\x1b[C')      # right, twice: more of it
+            centre = np.mean([style.values for style in listed], axis=0)
+            more = centre + 1.2 * (np.array(listed[1].values) - centre)
+            self.assertTrue(probe.wait(lambda: np.allclose(self.status().style.values, more), 10.0))
+            harness.os.write(keyboard, b'0')
+            self.assertTrue(probe.wait(lambda: np.allclose(self.status().style.values, centre), 10.0))
+            harness.os.write(keyboard, b'q')
+            self.assertTrue(probe.wait(lambda: slider.poll() is not None, 10.0))
+            self.assertEqual(slider.returncode, 0)
+        finally:
+            slider.kill()
+            slider.wait()
+            harness.os.close(keyboard)
+            harness.os.close(terminal)
+
+    def test_02d_bad_styles_and_sequences_are_counted_and_change_nothing(self):
+        probe, before = self.probe, self.status().target.values
+        for bad in (StyleVector(name='nobody'), StyleVector(values=[float('nan')] * len(before)),
+                    StyleVector(values=[0.0] * (len(before) + 1)), StyleVector()):
+            self.style.publish(bad)
+        for bad in (StateSequence(), StateSequence(states=[0], dwell_times=[1.0])):      # no style machine here
+            self.sequence.publish(bad)
+        for path in ('', '/absent.npz', str(Path(__file__))):
+            answer = probe.call(LoadModel, 'load_model', path=path, timeout=20.0)
+            self.assertFalse(answer.success)
+            self.assertTrue(answer.message)
+        for seconds in (-1.0, float('nan')):
+            self.assertFalse(probe.call(SetStyle, 'set_style', style=StyleVector(name='mean'),
+                                        transition_time=seconds).success)
+
+        def told(key):
+            heard = [status for message in probe.heard['/diagnostics'] for status in message.status]
+            return {pair.key: pair.value for pair in heard[-1].values}.get(key) if heard else None
+        self.assertTrue(probe.wait(lambda: told('style refused') == '4' and told('sequence refused') == '2', 8.0),
+                        (told('style refused'), told('sequence refused')))
+        np.testing.assert_array_equal(self.status().target.values, before)
+        self.smooth(*self.collect(0.5))
+
     def test_03_speed_and_another_model_while_it_moves(self):
         probe = self.probe
         self.assertEqual(probe.set_parameters(speed=0.0), '')
@@ -200,6 +289,12 @@ class TestSynthesizer(unittest.TestCase):
         refused = result(send(behaviour='flying'))
         self.assertEqual(refused.status, GoalStatus.STATUS_ABORTED)
         self.assertIn('flying', refused.result.message)
+        for bad in ({'duration': float('nan')}, {'duration': -1.0}, {'speed': 9.0, 'duration': 1.0},
+                    {'duration': 1.0, 'style': StyleVector(name='nobody')},
+                    {'duration': 1.0, 'sequence': StateSequence(states=[0], dwell_times=[1.0])}):
+            answer = result(send(**bad))
+            self.assertEqual(answer.status, GoalStatus.STATUS_ABORTED, bad)
+            self.assertTrue(answer.result.message)
         feedback.clear()
         jump = result(send(behaviour='jump', stream=True))
         self.assertTrue(jump.result.success, jump.result.message)
@@ -240,9 +335,23 @@ class TestSynthesizer(unittest.TestCase):
         self.assertGreater(len(self.windows()), 15)
         now = 6e-9 * stamp_of(self.status())
         self.assertLess(abs((self.status().phase - now + np.pi) % (2 * np.pi) - np.pi), 0.5)
-        message.phase = float('nan')
+        message.header.stamp.sec -= 1       # of the past: overtaken, not followed
+        message.header.stamp.nanosec = 999_999_999
+        message.phase = 0.0
         self.estimate.publish(message)
+        for bad in ('phase', 'phase_velocity'):
+            now = probe.now()
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(now, 1_000_000_000)
+            right = getattr(message, bad)
+            setattr(message, bad, float('nan'))
+            self.estimate.publish(message)
+            probe.spin(0.02)
+            setattr(message, bad, right)
         person(0.3, StyleEstimate.LOST)
+        probe.heard['/diagnostics'].clear()
+        self.assertTrue(probe.wait(lambda: probe.heard['/diagnostics'], 5.0))
+        facts = {pair.key: pair.value for pair in probe.heard['/diagnostics'][-1].status[0].values}
+        self.assertEqual((facts.get('estimates overtaken'), facts.get('estimate refused')), ('1', '2'))
         self.assertTrue(probe.wait(lambda: 'standing still' in self.status().message, 5.0))
         velocities = self.collect(0.4)[2]
         self.assertLess(np.abs(velocities).max(), 1e-3)

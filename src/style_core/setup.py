@@ -54,7 +54,8 @@ setup(
     install_requires=['setuptools', 'numpy>=1.21,<3', 'scipy>=1.8', 'matplotlib>=3.5', 'tqdm>=4.57',
                       'rosbags>=0.11', 'scikit-learn>=1.0', 'pyyaml>=5.4'],
     extras_require={
-        'test': ['pytest>=6.2', 'hypothesis>=6', 'filterpy>=1.4', 'hmmlearn>=0.2.7', 'mcap-ros2-support>=0.5'],
+        'test': ['pytest>=6.2', 'hypothesis>=6', 'filterpy>=1.4', 'hmmlearn>=0.2.7', 'mcap-ros2-support>=0.5',
+                 'urdf_parser_py>=0.0.4'],
         'fuzz': ['atheris>=2.3'],
     },
     tests_require=['pytest'],

@@ -56,7 +56,9 @@ def test_binding_says_what_is_missing():
 @pytest.mark.parametrize('text', [
     '[]', 'joints: 3', 'extra: 1', 'joints: {a: {from: [x]}}', 'joints: {a: {sign: 2, from: x}}', 'joints: {a: 7}',
     'joints: {a: {scale: -1, from: x}}', 'joints: {a: {from: {x: .nan}}}', 'joints: {a: {limits: [1, 0]}}',
-    'joints: {a: {limits: 1}}', 'joints: {a: {offset: much}}', 'unlisted: perhaps', 'a: [', '{a: &a [*a]}'])
+    'joints: {a: {limits: 1}}', 'joints: {a: {velocity: 0}}', 'joints: {a: {velocity: fast}}',
+    'defaults: {speed: 1}', 'defaults: {acceleration: -1}\njoints: {a: {from: x}}',
+    'joints: {a: {offset: much}}', 'unlisted: perhaps', 'a: [', '{a: &a [*a]}'])
 def test_bad_robot_files_are_refused(tmp_path, text):
     (tmp_path / 'robot.yaml').write_text(text)
     with pytest.raises(ModelError):
@@ -64,7 +66,8 @@ def test_bad_robot_files_are_refused(tmp_path, text):
 
 
 def test_robot_files_round_trip(tmp_path):
-    robot = Robot('r', {'a': RobotJoint({'x': 2.0, 'y': -0.5}, 0.25, (-1.0, 1.0)), 'b': RobotJoint({}, 0.5)}, 'r.urdf')
+    robot = Robot('r', {'a': RobotJoint({'x': 2.0, 'y': -0.5}, 0.25, (-1.0, 1.0), 3.0, 40.0),
+                        'b': RobotJoint({}, 0.5, velocity=4.0), 'c': RobotJoint({}, velocity=4.0)}, 'r.urdf')
     write_robot(robot, tmp_path / 'r.yaml', 'two\nlines')
     again = read_robot(tmp_path / 'r.yaml')
     assert (again.name, again.joints, again.urdf) == ('r', dict(robot.joints), 'r.urdf')
@@ -99,6 +102,34 @@ def test_descriptions_are_strictly_well_formed(path):
         assert all(float(x) > 0 for x in box.get('size').split())
     skeleton = read_skeleton(path)      # walks the tree: refuses loops and several roots
     assert len(skeleton.bodies) == len(links)
+
+
+@pytest.mark.parametrize('path', sorted(ROBOTS.glob('*.urdf')), ids=lambda path: path.stem)
+def test_a_parser_of_others_accepts_the_descriptions(path):
+    """The one that ROS tools use; it insists on effort and velocity of limits."""
+    urdf = pytest.importorskip('urdf_parser_py.urdf', reason='urdf_parser_py is not installed')
+    robot = urdf.URDF.from_xml_file(str(path))
+    skeleton = read_skeleton(path)
+    assert robot.get_root() == skeleton.body_names[0]
+    moving = {joint.name: joint for joint in robot.joints if joint.type != 'fixed'}
+    assert set(moving) == set(skeleton.channel_names)
+    low, high = skeleton.limits(tuple(moving))
+    np.testing.assert_allclose([joint.limit.lower for joint in moving.values()], low)
+    np.testing.assert_allclose([joint.limit.upper for joint in moving.values()], high)
+    assert not any(hasattr(visual.geometry, 'filename') for link in robot.links for visual in link.visuals), 'a mesh'
+
+
+@pytest.mark.parametrize('name', ['humanoid20', 'exosuit6'])
+def test_map_chain_and_description_agree_on_what_motors_can_do(name):
+    robot = read_robot(ROBOTS / f'{name}.yaml')
+    chain = yaml.safe_load((ROBOTS.parent / 'servo' / f'{name}.yaml').read_text())
+    said = {joint.get('name'): float(joint.find('limit').get('velocity'))
+            for joint in ElementTree.parse(ROBOTS / f'{name}.urdf').getroot().iter('joint')
+            if joint.find('limit') is not None}
+    for joint, own in robot.joints.items():
+        servo = {**chain['defaults'], **chain['joints'][joint]}
+        assert own.velocity == said[joint] == servo['velocity']
+        assert own.acceleration == servo['acceleration']
 
 
 def test_the_humanoid_has_the_joints_and_limits_of_the_op3():
