@@ -14,19 +14,22 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 sys.path.insert(0, str(Path(__file__).parent))
-from nodes import CONFIG, SERVOS, SYNTHESIZER, predictor, servos, synthesizer
+from nodes import CONFIG, OF_OTHER_MODES, SERVOS, SYNTHESIZER, predictor, servos, synthesizer
 
 ARGUMENTS = {
-    **{name: entry for name, entry in SYNTHESIZER.items() if name not in ('mode', 'file', 'estimate', 'speed', 'seed')},
+    **{name: entry for name, entry in SYNTHESIZER.items() if name not in ('mode', 'estimate', *OF_OTHER_MODES)},
     'file': ('', 'motion file or bag of the person; empty where joint states come from elsewhere'),
     'skeleton': ('', 'skeleton file where the motion file needs one'),
     'loop': ('repeat', 'no, repeat or seamless'),
     'player_speed': ('1.0', 'how fast the person is played; 1 as recorded'),
     'drop': ('[]', "patterns of the person's joints whose sensors go dark"),
-    'drop_from': ('0.0', 's'), 'drop_until': ('0.0', 's'),
+    'drop_from': ('0.0', 's after the start, when they go dark'),
+    'drop_until': ('0.0', 's after the start, when they come back; 0 for never'),
     'person': ('person/joint_states', "topic of the person's joint states"),
     'predictor_params': (str(CONFIG / 'predictor.yaml'), 'parameter file of the predictor'),
     'joint_map': ('', "YAML file from model joints to the person's sensors; empty where they are the same"),
+    'style': ('', "style expression, also of the person's own style, e.g. '2*person - mean'; empty for the mean of the "
+                  'model'),
     'robot': ('humanoid20.yaml', 'robot file: absolute, or the name of one in config/robots'),
     **SERVOS,
     'servos': ('sim', 'none, sim (simulated Dynamixel chain) or real'),

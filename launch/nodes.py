@@ -12,7 +12,7 @@ from launch_ros.events.lifecycle import ChangeState
 from launch_ros.parameter_descriptions import ParameterValue
 from lifecycle_msgs.msg import Transition
 
-__all__ = ['CONFIG', 'SERVOS', 'SYNTHESIZER', 'lifecycle', 'predictor', 'servos', 'synthesizer']
+__all__ = ['CONFIG', 'OF_OTHER_MODES', 'SERVOS', 'SYNTHESIZER', 'lifecycle', 'predictor', 'servos', 'synthesizer']
 
 # beside this folder, in the source tree as well as where both are installed
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
@@ -46,11 +46,14 @@ SYNTHESIZER = {
     'model': ('locomotion.npz', 'model file: absolute, or the name of one in config/models; empty to play a motion '
                                 'file only'),
     'robot': ('', 'robot file: absolute, or the name of one in config/robots; empty for the joints of the model'),
-    'mode': ('cycle', 'cycle, follow, sequence, random_walk or file'),
+    'mode': ('cycle', 'cycle, follow, sequence, random_walk, effort or file'),
+    'behaviour': ('', 'of a phase-style model; its first where empty'),
     'style': ('', "style expression, e.g. '1.5*walk - 0.5*run'; empty for the mean of the model"),
     'speed': ('1.0', '1 as learned'),
     'seed': ('0', 'of a random walk'),
-    'file': ('', 'motion file to play'),
+    'file': ('', 'motion file to play or to restyle'),
+    'skeleton': ('', 'skeleton file where the motion file needs one'),
+    'loop': ('true', 'play the motion file for ever'),
     'estimate': ('predictor/estimate', 'topic of the estimates to follow'),
     'joint_trajectory': ('joint_trajectory', 'topic of the trajectories'),
     'joint_states': ('joint_states', 'topic of the joint states that the servos report'),
@@ -58,6 +61,8 @@ SYNTHESIZER = {
     'autostart': ('true', 'configure and activate the nodes'),
 }
 
+#: of these, what following has no use for
+OF_OTHER_MODES = ('behaviour', 'speed', 'seed', 'file', 'skeleton', 'loop')
 
 #: launch arguments of `servos`
 SERVOS = {
@@ -74,12 +79,12 @@ SERVOS = {
 def synthesizer(**fixed):
     """The synthesizer node, its parameters from launch arguments; ``fixed`` ones are none."""
     values = {name: fixed.get(name, LaunchConfiguration(name)) for name in SYNTHESIZER
-              if name in fixed or name not in ('speed', 'seed', 'file')}
+              if name in fixed or name not in OF_OTHER_MODES}
     parameters = {name: ParameterValue(values[name], value_type=str) for name in ('model', 'robot', 'mode', 'style')}
     if not fixed:
-        parameters.update(speed=ParameterValue(LaunchConfiguration('speed'), value_type=float),
-                          seed=ParameterValue(LaunchConfiguration('seed'), value_type=int),
-                          file=ParameterValue(LaunchConfiguration('file'), value_type=str))
+        kinds = {'speed': float, 'seed': int, 'loop': bool}
+        parameters.update({name: ParameterValue(LaunchConfiguration(name), value_type=kinds.get(name, str))
+                           for name in OF_OTHER_MODES})
     return lifecycle(LifecycleNode(
         package='style_synth', executable='synthesizer', name='synthesizer', namespace='', output='screen',
         parameters=[values['synthesizer_params'], parameters],
