@@ -87,7 +87,7 @@ class Show:
         if not client.wait_for_service(5.0):
             raise RuntimeError(f'{name} does not answer')
         future = client.call_async(kind.Request(**fields))
-        self._rclpy.spin_until_future_complete(self._node, future, timeout_sec=5.0)
+        self._rclpy.spin_until_future_complete(self._node, future, timeout_sec=20.0)
         if future.result() is None:
             raise RuntimeError(f'{name} gave no answer')
         return future.result()

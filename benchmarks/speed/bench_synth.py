@@ -7,6 +7,7 @@ of a 10 ms period (100 Hz) says how much of follow mode's time the synthesizer t
 """
 import argparse
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,9 @@ def main():
     cycle.choose('cycle')
     follow.choose('follow')
     follow.observe(1.0, 6.0)
+    strong = Stage(repertoire, replace(robot, joints={
+        name: replace(joint, velocity=np.inf, acceleration=np.inf) for name, joint in robot.joints.items()}))
+    strong.choose('cycle')
     machine = load_repertoire(CONFIG / 'models' / 'locomotion_styles.npz').machine
     walk = Performer(MachineSource(machine, visits=random_walk(machine, seed=1)), robot)
 
@@ -70,6 +74,7 @@ def main():
     reference = percentiles(plain, max(20, repeats // 50))
     print(f'{"one window, 21 points, 20 joints":40}{"p50 ms":>9}{"p99 ms":>9}{"plain / this":>14}{"of 10 ms":>10}')
     for name, function in (('plain', plain), ('cycle', lambda: tick(cycle)), ('cycle, style changing', changing),
+                           ('cycle, motors without limits', lambda: tick(strong)),
                            ('follow, with an estimate', step), ('random walk', lambda: tick(walk))):
         median, high = reference if function is plain else percentiles(function, repeats)
         print(f'{name:40}{1e3 * median:9.3f}{1e3 * high:9.3f}{reference[0] / median:14.1f}{high / 0.01:10.1%}')

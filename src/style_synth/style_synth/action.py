@@ -138,13 +138,13 @@ class SynthesizeServer:
     def work(self, dt):
         """Go on with the goal for one tick of ``dt`` seconds; called by the node before it advances the stage."""
         job = self._job
-        if job is None:
+        if job is None or job.done.done():      # its coroutine may go on a tick later
             return
         if job.stream:
             self._stream(job, dt)
         else:
             self._compute(job)
-        if self._job is not None and not job.done.done():
+        if not job.done.done():
             stage = self._node.stage
             job.handle.publish_feedback(Synthesize.Feedback(
                 status=status_message(stage.standing(), stage.source, stage.repertoire.name, self._node.stamp()),

@@ -23,6 +23,7 @@ class StyleCycle:
     def __init__(self, behaviour):
         self.behaviour = behaviour
         self._table = tabulate(behaviour.processes(), behaviour.rhythmic)
+        self._weighted = None
         self.span = TURN if behaviour.rhythmic else 1.0
         self.styles = _named_styles(behaviour)
         self.labels = tuple(f'style {k + 1}' for k in range(behaviour.style_dimension))
@@ -30,13 +31,26 @@ class StyleCycle:
 
     def bases(self, phase):
         """Bases and their derivatives by phase at the phases (K,): two arrays (K, J, D)."""
+        return self._evaluate(self._table.values, self._table.slopes, phase)
+
+    def pose(self, phase, style):
+        """Poses and their derivatives by phase, (K, D) each, in one style (J,).
+
+        The bases are weighted once a style, not once a call.
+        """
+        if self._weighted is None or not np.array_equal(self._weighted[0], style):
+            self._weighted = np.array(style), *(np.tensordot(part, style, axes=(1, 0))
+                                                for part in (self._table.values, self._table.slopes))
+        return self._evaluate(*self._weighted[1:], phase)
+
+    def _evaluate(self, values, slopes, phase):
+        """Hermite interpolation of a table, (NODES + 1, ...) each, and its derivative by phase."""
         if self.behaviour.rhythmic:
             phase = np.mod(phase, TURN)
         node = np.clip(phase / self.span, 0.0, 1.0) * NODES
         k = np.minimum(node.astype(int), NODES - 1)
-        u = (node - k)[:, None, None]
-        p0, p1 = self._table.values[k], self._table.values[k + 1]
-        m0, m1 = self._table.slopes[k], self._table.slopes[k + 1]
+        u = (node - k).reshape(-1, *(1,) * (values.ndim - 1))
+        p0, p1, m0, m1 = values[k], values[k + 1], slopes[k], slopes[k + 1]
         bend, rise = 2 * (p0 - p1) + m0 + m1, 3 * (p1 - p0) - 2 * m0 - m1
         return p0 + u * (m0 + u * (rise + u * bend)), (m0 + u * (2 * rise + 3 * u * bend)) * (NODES / self.span)
 
@@ -95,6 +109,9 @@ class _Styled(TimedSource):
 
     def _pose(self, ahead, phase):
         """Positions and their derivatives by phase and by the changing style, (K, D) each."""
+        if not self._style.moving:
+            here, slope = self._cycle.pose(phase, self._style.target)
+            return here, slope, np.zeros_like(here)
         bases, slopes = self._cycle.bases(phase)
         v, rate = self._style.at(ahead), self._style.rate(ahead)
         return (np.einsum('kj,kjd->kd', v, bases), np.einsum('kj,kjd->kd', v, slopes),
