@@ -49,7 +49,7 @@ from style_servo.record import read_record
 ROOT = Path(__file__).resolve().parents[2]
 RATE = 100.0
 # a busy machine can keep the simulator from answering for a while; real servos answer in time
-PATIENT = {'reply_timeout': 0.03, 'watchdog': 2.0, 'error_run': 50, 'following_time': 5.0}
+PATIENT = {'reply_timeout': 0.1, 'watchdog': 2.0, 'error_run': 50, 'following_time': 5.0}
 SETTLE_S = 6.0      # of streaming before the measurement
 
 

@@ -347,14 +347,16 @@ class DynamixelBackend:
 
         ``length`` is that of the data wanted: a late answer to an older question has another one.
         """
-        for _ in range(TRIES):
+        for tries in range(TRIES):
             answer = call()
             result, error = answer[-2:]
             if result == COMM_SUCCESS and length and not error & ~ALERT and len(answer[0]) != length:
                 result = COMM_RX_CORRUPT
             if result == COMM_SUCCESS:
                 break
-            time.sleep(LINGER_S)
+            time.sleep(LINGER_S * 2**tries)
+        if tries:       # what answered may have been the late reply to the first try; that to the last comes as late
+            time.sleep(LINGER_S * 2**tries)
         if result != COMM_SUCCESS:
             raise BackendFault(f'{servo}: {what}: {self._packets.getTxRxResult(result)}')
         if error & ~ALERT:
