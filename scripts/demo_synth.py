@@ -173,9 +173,9 @@ def draw(record, events, output):
             axis.axhline(np.degrees(limit), color='#cc0000', lw=1, ls='--')
         for when, _ in events:
             axis.axvline(when - begin, color='#999999', lw=0.7)
-    for k, (when, text) in enumerate(events):
+    for when, text in events:
         figure.axes[0].annotate(text.split(':')[0], (when - begin, 1.0), xycoords=('data', 'axes fraction'), fontsize=6,
-                                rotation=20, xytext=(0, 1 + 7 * (k % 2)), textcoords='offset points')
+                                rotation=35, xytext=(0, 2), textcoords='offset points')
     figure.set_size_inches(11, 9)
     pictures.save(figure, output / 'servos.png')
     return violations(record)
