@@ -58,7 +58,11 @@ find_python() {
         status=0
         python_fits "$candidate" "$@" || status=$?
         case $status in
-            0) PYTHON="$candidate"; return 0 ;;
+            # of a virtual environment the Python it was made with: in a shell where the workspace is sourced, the first on
+            # PATH is the prefix's own
+            0) PYTHON="$(env -u PYTHONPATH "$candidate" -c \
+                   'import os, sys; print(os.path.realpath(getattr(sys, "_base_executable", sys.executable)))')"
+               return 0 ;;
             3) UNFIT+=" $candidate has only a static libpython;" ;;
             4) UNFIT+=" $candidate has no Python.h;" ;;
         esac
