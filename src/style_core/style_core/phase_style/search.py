@@ -164,10 +164,10 @@ class Search:
         self._filled += 1
         return True
 
-    def window(self, most=GLANCE):
+    def window(self):
         """The last samples of this search, oldest first: observations, what of them counts, rows they are kept in."""
         stop = self._filled - self._base
-        rows = slice(stop - min(self._filled - self._first, WINDOW, most), stop)
+        rows = slice(stop - min(self._filled - self._first, WINDOW, GLANCE), stop)
         return self._y[rows], self._observed[rows], rows
 
     def step(self, budget):
