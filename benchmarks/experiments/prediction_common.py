@@ -110,7 +110,7 @@ def full_model(training, channels=50):
     return trained(motions, 'locomotion', motions[0].joint_names)
 
 
-def trained(motions, name, joints, rhythmic=True):
+def trained(motions, name, joints, rhythmic=True, dimension=None):
     """Train the full model, or take it from the cache if the same code has seen the same recordings.
 
     Training by leave-one-out takes a minute or so; most tables need the same models.
@@ -118,9 +118,11 @@ def trained(motions, name, joints, rhythmic=True):
     from style_core import phase_style
     from style_core.phase_style.training import train
 
-    path = kept_model('model', motions, name, rhythmic, sorted(joints))
+    settings = (sorted(joints),) if dimension is None else (sorted(joints), dimension)
+    path = kept_model('model', motions, name, rhythmic, *settings)
     if not path.is_file():
-        phase_style.save_behaviours(path, [train(motions, name=name, rhythmic=rhythmic, joints=joints)])
+        model = train(motions, name=name, rhythmic=rhythmic, joints=joints, dimension=dimension)
+        phase_style.save_behaviours(path, [model])
     return phase_style.load_behaviours(path)
 
 

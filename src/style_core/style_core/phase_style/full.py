@@ -93,7 +93,8 @@ def filter_table(behaviour, without=()):
 def still_behaviour(behaviours):
     """Standing still: any posture that the behaviours show, kept.
 
-    Posture varies as over all phases and styles of the behaviours; it wanders as their slow offsets do.
+    Posture varies as over all phases and styles of the behaviours. Within a short time it wanders as far as the slow
+    offset of the behaviour that wanders least: what moves more than posture does under a walk is not standing.
 
     Parameters
     ----------
@@ -112,12 +113,14 @@ def still_behaviour(behaviours):
     noise = np.mean([one.residual.noise for one in behaviours], axis=0)
     fast = np.mean([one.residual.fast for one in behaviours], axis=0)
     spread = poses.var(axis=0) + np.mean([one.residual.offset for one in behaviours], axis=0)
+    # the mean square moved within a short time t is 2 t decay variance
+    wander = min(one.residual.offset_decay * one.residual.offset.mean() for one in behaviours)
     bases = np.broadcast_to(poses.mean(axis=0), (1, 8, channels)).copy()
     residual = Residual(
-        # slow enough that a slow walk is not followed: 0.02 let `still` take over walks of subject 16
-        offset=spread, fast=0.1 * fast, personal=np.zeros(channels), noise=noise, offset_decay=0.004,
-        fast_decay=first.residual.fast_decay, personal_decay=0.0, style_decay=0.0, personal_share=np.zeros(0),
-        style_scale=0.0, calibration_horizon=np.zeros(1), calibration_scale=np.ones(1),
+        offset=spread, fast=0.1 * fast, personal=np.zeros(channels), noise=noise,
+        offset_decay=wander / spread.mean(), fast_decay=first.residual.fast_decay, personal_decay=0.0,
+        style_decay=0.0, personal_share=np.zeros(0), style_scale=0.0, calibration_horizon=np.zeros(1),
+        calibration_scale=np.ones(1),
         check_median=float(np.mean([one.residual.check_median for one in behaviours])),
         check_weight=float(np.mean([one.residual.check_weight for one in behaviours])))
     return Behaviour(
