@@ -1,4 +1,6 @@
 """The full predictor: search, masks, loss and recovery, behaviours, time."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,6 +9,7 @@ from test_phase_style_learning import made_cycle, made_sequence
 
 from style_core.errors import ModelError
 from style_core.phase_style import FullPredictor, PaperPredictor, load_predictor, save_behaviours
+from style_core.phase_style.full import still_behaviour
 from style_core.phase_style.learning import Sequence, align, bases_from, learn
 from style_core.phase_style.residual import learn_residual, leave_out
 from style_core.predictor import Status
@@ -168,6 +171,19 @@ def test_from_standing_to_walking_to_jumping(walk, jump):
     for estimate in estimates:
         assert sum(estimate.behaviours.values()) == pytest.approx(1) or not any(estimate.behaviours.values())
         assert np.isfinite(estimate.mean).all() and np.isfinite(estimate.std).all()
+
+
+def test_standing_wanders_as_the_slow_offset_that_wanders_least(walk):
+    residual = walk.residual
+    slow = replace(walk, name='slow', residual=replace(residual, offset_decay=0.1 * residual.offset_decay))
+    for behaviours in ([walk], [walk, slow], [slow, walk]):
+        still = still_behaviour(behaviours).residual
+        least = min(one.residual.offset_decay for one in behaviours)
+        t = 1e-3
+        moved, allowed = (np.mean(2 * variance * -np.expm1(-decay * t)) for variance, decay in (
+            (still.offset, still.offset_decay), (residual.offset, least)))
+        assert moved == pytest.approx(allowed, rel=1e-3)
+        assert still.offset_decay < least  # its posture varies more, and so it comes back more slowly
 
 
 def test_standing_still_is_predicted_as_standing(walk):
