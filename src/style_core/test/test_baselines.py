@@ -160,7 +160,8 @@ def made_behaviour(seed=0):
     return Behaviour(
         name='made', rhythmic=True, joint_names=NAMES, rate_hz=60.0, sequences=('a', 'b', 'c'), groups=('a', 'b', 'c'),
         styles=styles, singular_values=np.ones(3), phase_grid=grid, bases=bases, beta=np.array([[1.0, 4.0, 1e6]] * 2),
-        noise=np.full(4, 0.01 ** 2), acceleration=0.05, velocity=np.array([6.0, 0.5, 4.0, 8.0]))
+        noise=np.full(4, 0.01 ** 2), acceleration=0.05, speeds=np.zeros((3, 2)), gaits=np.zeros(3, dtype=int),
+        velocity=np.array([6.0, 0.5, 4.0, 8.0]))
 
 
 def made_recording(behaviour, style=(0.95, 0.15), velocity=6.3, n_frames=150):

@@ -266,12 +266,13 @@ def test_prediction_at_nine_knots_is_close_to_all(walk):
 def test_residual_rule_leaves_people_out(walk):
     people = [made_person(f'p{k}_{n}', 5 + 0.3 * k, 0.3 * k, k)[0] for k in range(5) for n in range(2)]
     people, aligned = align(people, True)
-    folds = leave_out(people, aligned, True, 3)
+    folds = leave_out(people, aligned, bases_from(people, aligned, 'walk', True, NAMES, 3))
     assert len(folds) == 5
     for fold in folds:
         assert len(fold.left_out) == 2
         assert not {people[index].group for index in fold.left_out} & set(fold.groups)
-    few = leave_out(people[:6], align(people[:6], True)[1], True, 3)
+    aligned = align(people[:6], True)[1]
+    few = leave_out(people[:6], aligned, bases_from(people[:6], aligned, 'walk', True, NAMES, 3))
     assert len(few) == 6 and all(len(fold.left_out) == 1 for fold in few)
 
 

@@ -12,8 +12,9 @@ from style_core import model_file
 from style_core.alignment import cycle_shift, fit_cycle, harmonic_design, period
 from style_core.errors import ModelError, MotionError
 from style_core.phase_style import Sequence, learn, load_behaviours, save_behaviours
+from style_core.phase_style.full import gaits_of, style_prior, styles_in_gait
 from style_core.phase_style.gaussian_process import embed, fit_process, negative_log_marginal
-from style_core.phase_style.learning import align_discrete, align_rhythmic, choose_dimension, factorise
+from style_core.phase_style.learning import align_discrete, align_rhythmic, choose_dimension, factorise, split_gaits
 from style_core.phase_style.table import NODES, tabulate
 
 
@@ -214,3 +215,49 @@ def test_damaged_models_are_refused(behaviour, tmp_path):
         load_behaviours(tmp_path / 'worse.npz')
     with pytest.raises(ModelError, match='different names'):
         save_behaviours(path, [behaviour, behaviour])
+
+
+def test_a_file_from_before_gaits_loads_as_one(behaviour, tmp_path):
+    path = tmp_path / 'two.npz'
+    two = dataclasses.replace(behaviour, gaits=np.arange(len(behaviour.gaits)) % 2)
+    save_behaviours(path, [two])
+    np.testing.assert_array_equal(load_behaviours(path)[0].gaits, two.gaits)
+    assert len(gaits_of(two)) == 2
+    header, arrays = model_file.load_model(path)
+    arrays = {name: array for name, array in arrays.items() if name not in ('0.gaits', '0.speeds')}
+    model_file.save_model(path, 'phase-style', {key: header[key] for key in ('joint_names', 'behaviours')}, arrays)
+    old = load_behaviours(path)[0]
+    assert gaits_of(old) == [old]
+    np.testing.assert_array_equal(old.styles, behaviour.styles)
+
+
+def made_gaits(seed, apart, shared=True):
+    """Cycles (10, 20, 4) of five people, each in two gaits ``apart`` from each other; speeds; people."""
+    rng = np.random.default_rng(seed)
+    person = np.repeat(rng.standard_normal((5, 20, 4)), 2, axis=0)
+    gait = np.tile([0, 1], 5)
+    cycles = person + apart * gait[:, None, None] * rng.standard_normal((20, 4)) \
+        + 0.1 * rng.standard_normal((10, 20, 4))
+    people = [f'p{k // 2}' if shared else f'p{k // 2}{k % 2}' for k in range(10)]
+    return cycles, np.stack([5 + 3 * gait, np.full(10, 0.1)], 1), people, gait
+
+
+@given(st.integers(0, 99))
+def test_two_gaits_are_told_apart_and_one_stays_whole(seed):
+    cycles, speeds, people, gait = made_gaits(seed, 10.0)
+    np.testing.assert_array_equal(split_gaits(cycles, speeds, people), gait)
+    assert not split_gaits(cycles, speeds, made_gaits(seed, 10.0, shared=False)[2]).any()  # people, not gaits
+    assert not split_gaits(cycles[:5], speeds[:5], people[:5]).any()  # too few
+    even = np.linspace(0, 1, 12)[:, None, None] * cycles[:1]
+    assert not split_gaits(even, np.tile([[5.0, 0.1]], (12, 1)), ['p'] * 12).any()
+
+
+def test_styles_move_to_the_mean_of_a_gait():
+    rng = np.random.default_rng(0)
+    styles, groups, gaits = rng.standard_normal((7, 3)), ('a', 'a', 'b', 'b', 'c', 'c', 'c'), np.array([0, 1] * 3 + [1])
+    for gait in (0, 1):
+        moved, labels = styles_in_gait(styles, groups, gaits, gait)
+        own = gaits == gait
+        np.testing.assert_allclose(moved[own], styles[own])
+        mean, _ = style_prior(styles[own], [g for g, k in zip(groups, own) if k], 1.0)
+        np.testing.assert_allclose(style_prior(moved, labels, 1.0)[0], mean, atol=1e-12)

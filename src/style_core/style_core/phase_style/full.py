@@ -1,12 +1,16 @@
 """The full filter's parts: style prior, bases in whitened style coordinates, one filter of a behaviour."""
+from dataclasses import replace
+
 import numpy as np
 
 from style_core.errors import ModelError
 from style_core.phase_style.kernel import ArrowFilter, Table
+from style_core.phase_style.learning import speed_statistics
 from style_core.phase_style.model import Behaviour, Residual
 from style_core.phase_style.table import BasisTable, tabulate
 
-__all__ = ['style_prior', 'whitened', 'make_filter', 'still_behaviour', 'PARTS']
+__all__ = ['style_prior', 'person_weights', 'styles_in_gait', 'gaits_of', 'whitened', 'make_filter',
+           'still_behaviour', 'PARTS']
 
 #: Parts of the full filter that can be switched off, to see what each is worth.
 PARTS = ('prior', 'offset', 'fast', 'personal', 'drift', 'calibration', 'search', 'restart', 'still')
@@ -30,14 +34,60 @@ def style_prior(styles, groups, factor):
     root : ndarray, shape (J, J)
         ``root @ root.T`` is the covariance; 2 % of the mean variance are added to every direction.
     """
-    groups = np.asarray(groups)
-    weight = np.array([1 / np.sum(groups == group) for group in groups])
-    weight /= weight.sum()
+    weight = person_weights(groups)
     mean = weight @ styles
     centred = styles - mean
     covariance = (centred * weight[:, None]).T @ centred * factor
     floor = max(0.02 * np.trace(covariance) / len(covariance), 1e-12)
     return mean, np.ascontiguousarray(np.linalg.cholesky(covariance + floor * np.eye(len(covariance))))
+
+
+def person_weights(groups):
+    """Weights of sequences that give every group (person) the same, shape (S,); they sum to one."""
+    groups = np.asarray(groups)
+    weight = np.array([1 / np.sum(groups == group) for group in groups])
+    return weight / weight.sum()
+
+
+def styles_in_gait(styles, groups, gaits, gait):
+    """All styles as if they were of one gait: each moved by the difference between that gait's mean and its own.
+
+    So a gait has a mean of its own, and the variation between people is learned from all gaits together.
+
+    Parameters
+    ----------
+    styles : ndarray, shape (S, J)
+    groups : sequence of str, length S
+    gaits : ndarray of int, shape (S,)
+    gait : int
+        One of ``gaits``.
+
+    Returns
+    -------
+    styles : ndarray, shape (S, J)
+    groups : tuple of str, length S
+        Person and gait: `style_prior` gives every person the same weight within a gait.
+    """
+    groups = tuple(f'{group} {own}' if len(set(gaits)) > 1 else group for group, own in zip(groups, gaits))
+    means = {}
+    for one in set(gaits):
+        rows = np.flatnonzero(gaits == one)
+        means[one] = person_weights([groups[row] for row in rows]) @ styles[rows]
+    return styles + np.array([means[gait] - means[own] for own in gaits]), groups
+
+
+def gaits_of(behaviour):
+    """One `Behaviour` a gait: bases and residual are common, mean style and speeds are the gait's own."""
+    if len(set(behaviour.gaits)) < 2:
+        return [behaviour]
+    parts = []
+    for gait in sorted(set(behaviour.gaits)):
+        own = behaviour.gaits == gait
+        people = [group for group, mine in zip(behaviour.groups, own) if mine]
+        velocity = np.array([*speed_statistics(behaviour.speeds[own], person_weights(people)), *behaviour.velocity[2:]])
+        styles, groups = styles_in_gait(behaviour.styles, behaviour.groups, behaviour.gaits, gait)
+        parts.append(replace(behaviour, styles=styles, groups=groups, velocity=velocity))
+    return parts
 
 
 def whitened(table, mean, root):
@@ -127,7 +177,8 @@ def still_behaviour(behaviours):
         name='still', rhythmic=False, joint_names=first.joint_names, rate_hz=first.rate_hz, sequences=('still',),
         groups=('still',), styles=np.ones((1, 1)), singular_values=np.ones(1), phase_grid=np.linspace(0, 1, 8),
         bases=bases, beta=np.array([[float(np.mean(poses ** 2)) + 1e-6, 0.01, 1e6]]), noise=noise,
-        acceleration=1e-9, velocity=np.array([0.0, 1e-3, 0.0, 0.0]), residual=residual)
+        acceleration=1e-9, velocity=np.array([0.0, 1e-3, 0.0, 0.0]), speeds=np.zeros((1, 2)),
+        gaits=np.zeros(1, dtype=int), residual=residual)
 
 
 def filter_for(behaviour, without=()):

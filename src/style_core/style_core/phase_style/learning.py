@@ -12,7 +12,7 @@ from style_core.phase_style.gaussian_process import fit_process
 from style_core.phase_style.model import Behaviour
 
 __all__ = ['Sequence', 'Aligned', 'align_rhythmic', 'align_discrete', 'factorise', 'choose_dimension', 'learn',
-           'group_of']
+           'group_of', 'speeds_of', 'speed_statistics', 'split_gaits']
 
 HARMONICS = 6
 SAMPLES = 100
@@ -274,6 +274,67 @@ def factorise(cycles, dimension=None):
     return styles, bases, values
 
 
+def speeds_of(sequences, aligned):
+    """Mean phase velocity of every sequence and its variance within the sequence, shape (S, 2)."""
+    return np.array([((phase[-1] - phase[0]) * sequence.rate_hz / (len(phase) - 1),
+                      np.var(np.diff(phase) * sequence.rate_hz))
+                     for sequence, phase in zip(sequences, aligned.phases)])
+
+
+def speed_statistics(speeds, weight=None):
+    """Mean and standard deviation of the phase velocity, between and within sequences; at least 5 % of the mean."""
+    mean, within = np.average(speeds, axis=0, weights=weight)
+    between = np.average((speeds[:, 0] - mean) ** 2, weights=weight)
+    return float(mean), float(np.sqrt(between + within + (0.05 * mean) ** 2))
+
+
+#: Fewest sequences of a gait: fewer say nothing about how its style varies.
+FEWEST_OF_A_GAIT = 3
+
+
+def split_gaits(cycles, speeds, groups):
+    """Gaits of the sequences: do they fall apart into two, as walking and running do?
+
+    Cycles are projected on their first principal direction and cut where the variance within the two parts is
+    smallest. The cut is kept where two Gaussians explain the projections better than one in spite of having to tell
+    which sequence belongs to which (classification likelihood with Schwarz's penalty: a uniform spread, and anything
+    rounder, stays whole), and where somebody shows both: otherwise it is people that differ, not gaits.
+
+    Parameters
+    ----------
+    cycles : ndarray, shape (S, C, D)
+    speeds : ndarray, shape (S, 2)
+        See `speeds_of`.
+    groups : sequence of str, length S
+
+    Returns
+    -------
+    ndarray of int, shape (S,)
+        0 for the slower gait, 1 for the faster; all 0 where there is one.
+    """
+    count = len(cycles)
+    gaits = np.zeros(count, dtype=int)
+    if count < 2 * FEWEST_OF_A_GAIT:
+        return gaits
+    centred = cycles.reshape(count, -1) - cycles.reshape(count, -1).mean(axis=0)
+    place = centred @ np.linalg.svd(centred, full_matrices=False)[2][0]
+    order = np.argsort(place)
+    total = np.sum(place ** 2)
+    if not total > 0:
+        return gaits
+    sizes = np.arange(FEWEST_OF_A_GAIT, count - FEWEST_OF_A_GAIT + 1)
+    between = np.cumsum(place[order])[sizes - 1] ** 2 * count / (sizes * (count - sizes))
+    best = int(np.argmax(between))
+    share = sizes[best] / count
+    entropy = -share * np.log(share) - (1 - share) * np.log(1 - share)
+    gain = -count * np.log(max(1 - between[best] / total, 1e-12)) - 2 * count * entropy - 2 * np.log(count)
+    first, second = order[:sizes[best]], order[sizes[best]:]
+    if gain <= 0 or not {groups[k] for k in first} & {groups[k] for k in second}:
+        return gaits
+    gaits[max(first, second, key=lambda part: speeds[part, 0].mean())] = 1
+    return gaits
+
+
 def style_of(y, phase, processes):
     """Least-squares style of a sequence with known phase, (J,), and the pose it gives, (T, D)."""
     basis = np.stack([process.evaluate(phase)[0] for process in processes])
@@ -296,23 +357,20 @@ def bases_from(sequences, aligned, name, rhythmic, joint_names, dimension=None):
     """Bases, processes, noise and velocity statistics of aligned sequences, as a `Behaviour` without residual."""
     styles, bases, values = factorise(aligned.cycles, dimension)
     processes = [fit_process(aligned.grid, basis, rhythmic) for basis in bases]
-    residuals, velocities, within = [], [], []
-    for sequence, phase in zip(sequences, aligned.phases):
-        residuals.append(sequence.y - style_of(sequence.y, phase, processes)[1])
-        speed = np.diff(phase) * sequence.rate_hz
-        velocities.append((phase[-1] - phase[0]) * sequence.rate_hz / (len(phase) - 1))
-        within.append(np.var(speed))
+    residuals = [sequence.y - style_of(sequence.y, phase, processes)[1]
+                 for sequence, phase in zip(sequences, aligned.phases)]
     noise = np.maximum(np.mean(np.concatenate(residuals) ** 2, axis=0), NOISE_FLOOR)
-    velocities = np.array(velocities)
-    spread = np.sqrt(np.var(velocities) + np.mean(within) + (0.05 * velocities.mean()) ** 2)
-    velocity = np.array([velocities.mean(), spread, 0.4 * velocities.min(), 1.6 * velocities.max()])
+    speeds = speeds_of(sequences, aligned)
+    velocity = np.array([*speed_statistics(speeds), 0.4 * speeds[:, 0].min(), 1.6 * speeds[:, 0].max()])
     return Behaviour(
         name=name, rhythmic=rhythmic, joint_names=tuple(joint_names), rate_hz=sequences[0].rate_hz,
         sequences=tuple(sequence.name for sequence in sequences),
         groups=tuple(sequence.group for sequence in sequences), styles=styles, singular_values=values,
         phase_grid=aligned.grid, bases=np.stack([process.outputs for process in processes]),
         beta=np.stack([process.beta for process in processes]), noise=noise,
-        acceleration=float(aligned.acceleration), velocity=velocity)
+        acceleration=float(aligned.acceleration), velocity=velocity, speeds=speeds,
+        gaits=split_gaits(aligned.cycles, speeds, [sequence.group for sequence in sequences])
+        if rhythmic else np.zeros(len(sequences), dtype=int))
 
 
 def learn(sequences, joint_names, name='motion', rhythmic=True, dimension=None):

@@ -81,6 +81,10 @@ class Behaviour:
         Density of the white phase acceleration, rad^2/s^3 (1/s^3 for discrete motion).
     velocity : ndarray, shape (4,)
         Phase velocity: mean, standard deviation, lowest and highest allowed.
+    speeds : ndarray, shape (S, 2)
+        Mean phase velocity of each sequence and its variance within the sequence.
+    gaits : ndarray of int, shape (S,)
+        Gait of each sequence, 0 for the slowest (`style_core.phase_style.learning.split_gaits`).
     residual : Residual or None
     """
 
@@ -98,6 +102,8 @@ class Behaviour:
     noise: np.ndarray
     acceleration: float
     velocity: np.ndarray
+    speeds: np.ndarray
+    gaits: np.ndarray
     residual: Optional[Residual] = None
 
     @property
@@ -262,20 +268,27 @@ def _restore(entry, index, header, arrays):
         if 'residual.check_median' not in entry:
             raise ValueError('it was made before bands followed the person; train it again')
         residual = part(Residual, 'residual.')
-    return part(Behaviour, '', joint_names=tuple(header['joint_names']), residual=residual)
+    given = {'joint_names': tuple(header['joint_names']), 'residual': residual}
+    if f'{index}.gaits' not in arrays:  # made before gaits were told apart: one of them, as it was
+        count = len(entry['sequences'])
+        given.update(gaits=np.zeros(count, dtype=int),
+                     speeds=np.tile([arrays[f'{index}.velocity'][0], 0.0], (count, 1)))
+    return part(Behaviour, '', **given)
 
 
 def _check_shapes(behaviour):
     sequences, channels = len(behaviour.sequences), len(behaviour.joint_names)
     styles, samples = behaviour.style_dimension, len(behaviour.phase_grid)
     wanted = {'styles': (sequences, styles), 'bases': (styles, samples, channels), 'beta': (styles, 3),
-              'noise': (channels,), 'velocity': (4,)}
+              'noise': (channels,), 'velocity': (4,), 'speeds': (sequences, 2), 'gaits': (sequences,)}
     for name, shape in wanted.items():
         array = getattr(behaviour, name)
         if array.shape != shape:
             raise ValueError(f'{name} has shape {array.shape}, expected {shape}')
         if not np.all(np.isfinite(array)):
             raise ValueError(f'{name} is not finite')
+    if set(behaviour.gaits) - {0, 1}:
+        raise ValueError('gaits are numbered 0 and 1')
     if behaviour.residual is not None:
         if not (behaviour.residual.check_median > 0 and behaviour.residual.check_weight > 0):
             raise ValueError('check_median and check_weight must be positive')

@@ -5,7 +5,7 @@ import numpy as np
 
 from style_core.errors import ModelError
 from style_core.phase_style.bands import Bands
-from style_core.phase_style.full import PARTS, filter_table, make_filter, still_behaviour, style_prior
+from style_core.phase_style.full import PARTS, filter_table, gaits_of, make_filter, still_behaviour, style_prior
 from style_core.phase_style.gate import ObservationGate
 from style_core.phase_style.kernel import Table
 from style_core.phase_style.online import GAP_S, InnovationMonitor
@@ -44,6 +44,7 @@ class FullPredictor:
         if 'still' not in without and all(behaviour.name != 'still' for behaviour in behaviours):
             behaviours.append(still_behaviour(behaviours))
         self._without = frozenset(without)
+        behaviours = [gait for behaviour in behaviours for gait in gaits_of(behaviour)]
         self._behaviours = behaviours
         self._pool, self._priors = [], []
         glances = []
@@ -55,7 +56,8 @@ class FullPredictor:
             table = Table(table)
             self._pool.append([make_filter(behaviour, table, without) for _ in range(LIVE + 1)])
         self._search = Search(behaviours, glances, self._pool, single='search' in without)
-        self._certain = [{one.name: float(one is behaviour) for one in behaviours} for behaviour in behaviours]
+        self._certain = [{one.name: float(one.name == behaviour.name) for one in behaviours}
+                         for behaviour in behaviours]
         channels = len(self.joint_names)
         self._gate = ObservationGate(channels)
         self._monitor = InnovationMonitor()
@@ -127,8 +129,11 @@ class FullPredictor:
             return dict(self._certain[self._search.leader.behaviour])
         weights = self._search.weights()
         if not weights:
-            return {behaviour.name: 1 / len(self._behaviours) for behaviour in self._behaviours}
-        return {behaviour.name: weights.get(index, 0.0) for index, behaviour in enumerate(self._behaviours)}
+            return {name: 1 / len(self._certain[0]) for name in self._certain[0]}
+        total = dict.fromkeys(self._certain[0], 0.0)
+        for index, weight in weights.items():  # gaits of one behaviour count together
+            total[self._behaviours[index].name] += weight
+        return total
 
     def _estimate(self):
         leader = self._search.leader

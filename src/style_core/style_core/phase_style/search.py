@@ -119,6 +119,9 @@ class Search:
         channels = len(behaviours[0].joint_names)
         self._behaviours, self._glances, self._pool, self._single = behaviours, glances, pool, single
         self._slices = [(index, speed) for index, glance in enumerate(glances) for speed in glance.speeds]
+        # all in three samples; gaits of one behaviour take turns, so that a search costs what it would with one gait
+        names = {behaviour.name: len(glance.speeds) for behaviour, glance in zip(behaviours, glances)}
+        self._at_once = (sum(names.values()) + 2) // 3
         # several windows long, so that the last samples always lie in one piece
         self._y = np.zeros((8 * WINDOW, channels))
         self._observed = np.zeros((8 * WINDOW, channels), dtype=np.uint8)
@@ -179,7 +182,7 @@ class Search:
         if len(y) == 1:
             keys = [(index, glance.speeds[0]) for index, glance in enumerate(self._glances)]
         else:
-            keys = [self._slices[(self._turn + k) % len(self._slices)] for k in range((len(self._slices) + 2) // 3)]
+            keys = [self._slices[(self._turn + k) % len(self._slices)] for k in range(self._at_once)]
             self._turn += len(keys)
         self._board = {key: found for key, found in self._board.items() if now - found[0] < STALE_S}
         for index, speed in keys:
