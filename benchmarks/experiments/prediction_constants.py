@@ -11,7 +11,7 @@ python benchmarks/experiments/prediction_constants.py --only REPLAY    some cons
 """
 
 from contextlib import contextmanager
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 from prediction_common import (
@@ -73,8 +73,8 @@ PROTOCOLS = ('recording', 'person')
 def shipped(name):
     """The value a constant has in the code."""
     if name.islower():
-        arguments = online.InnovationMonitor.__init__
-        return dict(zip(arguments.__code__.co_varnames[1:], arguments.__defaults__))[name]
+        monitor = make_predictor(full_model(left_in(SEED_TRAINING[0], 'recording')))._monitor
+        return getattr(monitor, f'_{name}')
     return next(getattr(module, name) for module in MODULES if hasattr(module, name))
 
 
@@ -86,7 +86,7 @@ def changed(name, value):
         return
     if name.islower():
         before = [(predictor, 'InnovationMonitor', predictor.InnovationMonitor)]
-        predictor.InnovationMonitor = partial(online.InnovationMonitor, **{name: value})
+        predictor.InnovationMonitor = lambda **given: online.InnovationMonitor(**{**given, name: value})
     else:
         before = [(module, name, getattr(module, name)) for module in MODULES if hasattr(module, name)]
         for module, *_ in before:
