@@ -71,25 +71,30 @@ def single_cycle_features(data, seed):
     return np.array(cycles).reshape(len(cycles), -1)
 
 
-def run_seed(seed, counts, data, paper_start, dynamics):
-    """Groups found by every method for one seed: {(method, count): labels}."""
+def run_seed(seed, counts, data, wanted):
+    """Groups found by some of the methods for one seed: {(method, count): labels}."""
     found = {}
-    single = single_cycle_features(data, seed)
+    single = single_cycle_features(data, seed) if METHODS[4] in wanted else None
     short = PCA(10, random_state=seed).fit_transform(data['fam'])
     for count in counts:
         def model(key, limit, start='cycles', count=count):
             result = fit(data[key], data['sizes'], count, seed, precision_max=data[limit], start=start)
             return result.posterior.labels.argmax(axis=1), result.bounds[-1]
 
-        found[METHODS[1], count], found['bound', count] = model('scaled', 'limit')
-        found[METHODS[2], count], _ = model('parts', 'parts_limit')
-        if paper_start:
+        if METHODS[1] in wanted:
+            found[METHODS[1], count], found['bound', count] = model('scaled', 'limit')
+        if METHODS[2] in wanted:
+            found[METHODS[2], count], _ = model('parts', 'parts_limit')
+        if METHODS[3] in wanted:
             found[METHODS[3], count], _ = model('scaled', 'limit', 'noise')
-        found[METHODS[4], count] = KMeans(count, n_init=1, random_state=seed).fit_predict(single)
-        found[METHODS[5], count] = KMeans(count, n_init=1, random_state=seed).fit_predict(data['fam'])
-        found[METHODS[6], count] = GaussianMixture(count, covariance_type='diag', reg_covar=1e-2, n_init=1,
-                                                   random_state=seed).fit_predict(short)
-        if dynamics:
+        if METHODS[4] in wanted:
+            found[METHODS[4], count] = KMeans(count, n_init=1, random_state=seed).fit_predict(single)
+        if METHODS[5] in wanted:
+            found[METHODS[5], count] = KMeans(count, n_init=1, random_state=seed).fit_predict(data['fam'])
+        if METHODS[6] in wanted:
+            found[METHODS[6], count] = GaussianMixture(count, covariance_type='diag', reg_covar=1e-2, n_init=1,
+                                                       random_state=seed).fit_predict(short)
+        if METHODS[7] in wanted:
             found[METHODS[7], count] = cluster(data['dynamics'], count, seed)
     return found
 
@@ -99,31 +104,33 @@ def main():
     options = parser(__doc__)
     options.add_argument('--seeds', type=int, default=50)
     options.add_argument(
-        '--few', type=int, default=5, help="seeds for the two slow comparisons (the paper's start, linear dynamics)"
+        '--few', type=int, default=50, help="seeds for the two slow comparisons (the paper's start, linear dynamics)"
     )
     options.add_argument('--jobs', type=int, default=2)
-    options.add_argument('--resume', type=Path, help='file that keeps finished seeds, to go on after an interruption')
+    options.add_argument('--resume', type=Path, help='file that keeps what is finished, to go on after an interruption')
     args = options.parse_args()
     trials = names()
     label = actions(trials)
     person = [f'{name[:2]} {action}' for name, action in zip(trials, label)]
     counts = list(range(2, 11))
     data = prepare()
-    done = {}
+    wanted = [args.seed + s for s in range(args.seeds)]
+    done = {seed: {} for seed in wanted}
     if args.resume and args.resume.exists():
         for line in args.resume.read_text().splitlines():
             seed, found = json.loads(line)
-            done[seed] = {tuple(key): groups for key, groups in found}
-    wanted = [args.seed + s for s in range(args.seeds)]
+            done.setdefault(seed, {}).update({tuple(key): groups for key, groups in found})
+    missing = {
+        seed: [name for name in METHODS[1:] if (name, counts[0]) not in done[seed]
+               and (k < args.few or name not in (METHODS[3], METHODS[7]))]
+        for k, seed in enumerate(wanted)
+    }
     with ProcessPoolExecutor(args.jobs) as pool:
-        tasks = {
-            pool.submit(run_seed, seed, counts, data, k < args.few, k < args.few): seed
-            for k, seed in enumerate(wanted)
-            if seed not in done
-        }
+        tasks = {pool.submit(run_seed, seed, counts, data, methods): seed
+                 for seed, methods in missing.items() if methods}
         for task in tqdm(as_completed(tasks), total=len(tasks), desc='seeds', disable=None):
             found = {key: np.asarray(groups).tolist() for key, groups in task.result().items()}
-            done[tasks[task]] = found
+            done[tasks[task]].update(found)
             if args.resume:
                 line = json.dumps([tasks[task], [[list(key), groups] for key, groups in found.items()]])
                 with open(args.resume, 'a') as stream:
