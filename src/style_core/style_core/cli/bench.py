@@ -86,7 +86,8 @@ def _run(args, tables, chosen, state, ledger_path, output):
     ledger = json.loads(ledger_path.read_text()) if ledger_path.is_file() else {}
     for name in chosen:
         script, what = tables[name]
-        done = ledger.get(name) == [state, str(output)] and list(output.glob(f'{args.area}_{name}_*.json'))
+        pages = [page for pattern in ('_*.json', '.json') for page in output.glob(f'{args.area}_{name}{pattern}')]
+        done = ledger.get(name) == [state, str(output)] and pages
         if args.resume and done and name != 'bars':
             print(f'table {name}, {what}: up to date')
             continue
