@@ -4,6 +4,7 @@ This holds for nodes made in the test's process and for those it launches, also 
 """
 import itertools
 import os
+import signal
 from contextlib import ExitStack
 
 import pytest
@@ -14,6 +15,8 @@ except ImportError:  # tests of style_core run without ROS
     domain_id = None
 
 os.environ['ROS_LOCALHOST_ONLY'] = '1'
+# a shell starts what runs in its background with SIGINT ignored, and nodes of the tests would inherit that
+signal.signal(signal.SIGINT, signal.default_int_handler)
 _domains = itertools.count(os.getpid())  # never the domain of the file before: its nodes may still be leaving
 _held = ExitStack()
 _file = None
