@@ -204,7 +204,7 @@ class TestSynthesizer(unittest.TestCase):
         listed = probe.call(ListStyles, 'list_styles').styles
         keyboard, terminal = pty.openpty()
         slider = subprocess.Popen(['ros2', 'run', 'style_synth', 'style_slider', '--seconds', '0.2'], stdin=terminal,
-                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+                                  stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)  # a middleware talks there
         try:
             shown = threading.Event()
             threading.Thread(target=lambda: shown.set() if slider.stdout.read(20) else None, daemon=True).start()
