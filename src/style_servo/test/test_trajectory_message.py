@@ -68,7 +68,8 @@ def test_lengths_that_differ_between_points_are_refused():
     for k in range(4):
         one = message(np.random.default_rng(k), 3, 4)
         one.points[k].velocities = [1.0]
-        with pytest.raises(MotionError, match=r'different numbers|velocities|cut off'):  # how much follows is the middleware's
+        # (how many bytes follow the last point is up to the middleware)
+        with pytest.raises(MotionError, match=r'different numbers|velocities|cut off'):
             TrajectoryReader().read(serialization.serialize_message(one))
     with pytest.raises(MotionError, match='no points'):
         TrajectoryReader().read(serialization.serialize_message(message(np.random.default_rng(0), 2, 0)))
