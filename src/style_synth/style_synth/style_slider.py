@@ -70,14 +70,19 @@ class Mixer:
 
 
 def read_key(terminal):
-    """The next key of a terminal (file descriptor), or '' after a tenth of a second.
+    """The next key of a terminal (file descriptor), '' after a tenth of a second, 'q' where the terminal has gone.
 
     Bytes are taken from the descriptor itself: a buffered stream would swallow the rest of an arrow key's sequence,
     and waiting for more would wait in vain.
     """
     if not select.select([terminal], [], [], 0.1)[0]:
         return ''
-    char = os.read(terminal, 1)
+    try:
+        char = os.read(terminal, 1)
+    except OSError:     # hung up
+        return 'q'
+    if not char:
+        return 'q'
     if char == b'\x1b' and select.select([terminal], [], [], 0.02)[0]:
         return {b'[A': 'up', b'[B': 'down', b'[C': 'right', b'[D': 'left'}.get(os.read(terminal, 2), '')
     return char.decode(errors='ignore')

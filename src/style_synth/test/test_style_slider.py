@@ -23,8 +23,9 @@ def test_keys_of_a_terminal():
         assert [read_key(terminal) for _ in range(6)] == ['up', 'down', '2', 'right', 'left', 'q']
         os.write(keyboard, b'\x1b')
         assert read_key(terminal) not in ('q', 'up')
-    finally:
         os.close(keyboard)
+        assert read_key(terminal) == 'q'        # the terminal has gone
+    finally:
         os.close(terminal)
 
 
