@@ -36,6 +36,7 @@ def main():
     os.environ['ROS_DOMAIN_ID'] = os.environ.get('STYLE_DEMO_DOMAIN', str(1 + os.getpid() % 100))
     os.environ.setdefault('OMP_NUM_THREADS', '1')
 
+    from demo_launch import launch, stop
     from demo_material import material
     from demo_report import report
     from recording import Recorder
@@ -46,21 +47,15 @@ def main():
     dark = round(args.seconds / 2, 3), round(0.8 * args.seconds, 3)
     recorder = Recorder()
     with open(args.output / 'nodes.log', 'w') as log:
-        nodes = subprocess.Popen(
-            ['ros2', 'launch', str(ROOT / 'launch' / 'replay.launch.py'), f'model:={show.model}', f'file:={show.file}',
+        nodes = launch(
+            [str(ROOT / 'launch' / 'replay.launch.py'), f'model:={show.model}', f'file:={show.file}',
              'loop:=repeat', f'drop:={list(DARK)}', f'drop_from:={dark[0]}', f'drop_until:={dark[1]}',
-             f'method:={args.method}', 'listeners:=2'], stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
+             f'method:={args.method}', 'listeners:=2'], log)
     try:
         print(f'Walking for {args.seconds:g} s; the left leg is dark from {dark[0]:g} to {dark[1]:g} s ...', flush=True)
         recorder.record(args.seconds, lambda: nodes.poll() is None)
     finally:
-        if nodes.poll() is None:
-            os.killpg(nodes.pid, signal.SIGINT)
-            try:
-                nodes.wait(10)
-            except subprocess.TimeoutExpired:
-                os.killpg(nodes.pid, signal.SIGKILL)
-                nodes.wait()
+        stop(nodes)
         recorder.close()
     if not recorder.messages:
         print(f'Nothing came back from the nodes; see {args.output / "nodes.log"}', file=sys.stderr)

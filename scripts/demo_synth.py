@@ -7,7 +7,6 @@ after limiting, and measured, with the limits drawn in.
 """
 import argparse
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -191,6 +190,7 @@ def main():
     os.environ['ROS_LOCALHOST_ONLY'] = '1'
     os.environ['ROS_DOMAIN_ID'] = os.environ.get('STYLE_DEMO_DOMAIN', str(1 + os.getpid() % 100))
     os.environ.setdefault('OMP_NUM_THREADS', '1')
+    from demo_launch import launch, stop
     from demo_material import material
 
     from style_servo.record import read_record
@@ -203,23 +203,17 @@ def main():
     show = material(output, args.synthetic, args.trial)
     print('A simulated humanoid walks with a person, in styles of its own:', flush=True)
     with open(output / 'nodes.log', 'w') as log:
-        nodes = subprocess.Popen(
-            ['ros2', 'launch', str(ROOT / 'launch' / 'mirror.launch.py'), f'model:={show.model}', f'file:={show.file}',
+        nodes = launch(
+            [str(ROOT / 'launch' / 'mirror.launch.py'), f'model:={show.model}', f'file:={show.file}',
              f'bridge_params:={output / "bridge.yaml"}', f'record:={flight}',
              f'sim_link:={link}', 'loop:=seamless', f'drop:=["{LOST}"]', f'drop_from:={DARK_S[0]}',
-             f'drop_until:={DARK_S[1]}'], stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
+             f'drop_until:={DARK_S[1]}'], log)
     operator = Show(output)
     try:
         walked = perform(operator, link)
     finally:
         operator.close()
-        if nodes.poll() is None:
-            os.killpg(nodes.pid, signal.SIGINT)
-            try:
-                nodes.wait(10)
-            except subprocess.TimeoutExpired:
-                os.killpg(nodes.pid, signal.SIGKILL)
-                nodes.wait()
+        stop(nodes)
     if not walked:
         print(f'See {output / "nodes.log"}', file=sys.stderr)
         return 1

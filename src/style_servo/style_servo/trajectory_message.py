@@ -1,21 +1,16 @@
 """Read trajectory messages as the middleware delivers them, without building message objects."""
-import struct
-
 import numpy as np
 
 from style_core.errors import MotionError
-from style_core.live.stamp_policy import NANOSECONDS
+from style_core.live.cdr import ENCAPSULATION, StampedNamesReader
 from style_servo.bridge import Points
 
 __all__ = ['TrajectoryReader']
 
-_ENCAPSULATION = 4      # bytes that say how the rest is encoded; alignment counts from behind them
-_AFTER_STAMP = 12       # where the frame id begins
-_REMEMBERED = 16        # lists of joint names; more than there are publishers
 _FIELDS = 'positions', 'velocities', 'accelerations', 'effort'
 
 
-class TrajectoryReader:
+class TrajectoryReader(StampedNamesReader):
     """Serialised ``trajectory_msgs/JointTrajectory`` (CDR of either byte order) to a stamp and arrays.
 
     Points of one trajectory have equal lengths, so all but the first lie at even distances and are read at one go:
@@ -28,8 +23,12 @@ class TrajectoryReader:
     """
 
     def __init__(self, max_points=2000):
+        super().__init__()
         self._max_points = max_points
-        self._known = []
+
+    def damaged(self, what):
+        """The error to raise."""
+        return _refusal(f'damaged: {what}')
 
     def read(self, data):
         """Read a message.
@@ -49,17 +48,13 @@ class TrajectoryReader:
         MotionError
             If the bytes are no joint trajectory, there are no points or too many, or lengths differ between points.
         """
-        if len(data) < _AFTER_STAMP or data[0] != 0 or data[1] not in (0, 1):
-            raise _refusal('damaged: it is no CDR')
-        order = '<' if data[1] else '>'
-        seconds, nanoseconds = struct.unpack_from(order + 'iI', data, _ENCAPSULATION)
-        names, at = self._names(data, order)
-        count, at = _number(data, order, at)
+        order, stamp, names, at = self.begin(data)
+        count, at = self.number(data, order, at)
         if not count:
             raise _refusal('it has no points')
         if count > self._max_points:
             raise _refusal(f'it has {count} points (at most {self._max_points})')
-        lengths, ends = _layout(data, order, at)
+        lengths, ends = self._layout(data, order, at)
         n = len(names)
         if lengths[0] != n or not n or any(length not in (0, n) for length in lengths[1:3]):
             raise _refusal(f'{n} joints, but a first point with {lengths[0]} positions, {lengths[1]} velocities and '
@@ -68,36 +63,30 @@ class TrajectoryReader:
         arrays = [np.empty((count, length)) if length else None for length in lengths[:3]]
         self._copy(data, order, at, 1, lengths, ends, times[:1], [a if a is None else a[:1] for a in arrays])
         if count > 1:
-            _, ends = _layout(data, order, at := ends[-1])
+            _, ends = self._layout(data, order, at := ends[-1])
             self._copy(data, order, at, count - 1, lengths, ends, times[1:],
                        [a if a is None else a[1:] for a in arrays])
-        return seconds * NANOSECONDS + nanoseconds, Points(names, times, *arrays)
+        return stamp, Points(names, times, *arrays)
 
-    def _names(self, data, order):
-        """Joint names (the same object for the same names) and where they end."""
-        for head, its_order, names in self._known:
-            if its_order == order and data.startswith(head, _AFTER_STAMP):
-                return names, _AFTER_STAMP + len(head)
-        length, at = _number(data, order, _AFTER_STAMP)
-        count, at = _number(data, order, at + length)
-        if count > len(data) // 5:      # a text takes five bytes at least
-            raise _refusal('damaged: names are cut off')
-        names = []
-        for _ in range(count):
-            length, at = _number(data, order, at)
-            if not length or at + length > len(data):
-                raise _refusal('damaged: names are cut off')
-            names.append(data[at:at + length - 1].decode('utf-8', 'replace'))
-            at += length
-        self._known = [(bytes(data[_AFTER_STAMP:at]), order, tuple(names)), *self._known][:_REMEMBERED]
-        return tuple(names), at
+    def _layout(self, data, order, at):
+        """Lengths of the four lists of the point at ``at``; where each ends, and where the point ends."""
+        lengths, ends = [], []
+        for _ in _FIELDS:
+            length, at = self.number(data, order, at)
+            if length:
+                at += (ENCAPSULATION - at) % 8 + 8 * length
+            if at > len(data):
+                raise self.damaged('points are cut off')
+            lengths.append(length)
+            ends.append(at)
+        ends.append(at + -at % 4 + 8)
+        return lengths, ends
 
-    @staticmethod
-    def _copy(data, order, at, count, lengths, ends, times, arrays):
+    def _copy(self, data, order, at, count, lengths, ends, times, arrays):
         """Copy ``count`` points from ``at`` on, laid out as the first of them: lengths and ends of its fields."""
         size = ends[-1] - at
         if at + count * size > len(data):
-            raise _refusal('damaged: points are cut off')
+            raise self.damaged('points are cut off')
         rows = np.frombuffer(data, np.uint8, count * size, at).reshape(count, size)
 
         def column(offset, width, kind):
@@ -113,29 +102,6 @@ class TrajectoryReader:
                 array[:] = column(end - at - 8 * length, 8 * length, 'f8')
         whole, rest = size - 8, size - 4
         times[:] = column(whole, 4, 'i4')[:, 0] + 1e-9 * column(rest, 4, 'u4')[:, 0]
-
-
-def _layout(data, order, at):
-    """Lengths of the four lists of the point at ``at``; where each ends, and where the point ends."""
-    lengths, ends = [], []
-    for _ in _FIELDS:
-        length, at = _number(data, order, at)
-        if length:
-            at += (_ENCAPSULATION - at) % 8 + 8 * length
-        if at > len(data):
-            raise _refusal('damaged: points are cut off')
-        lengths.append(length)
-        ends.append(at)
-    ends.append(at + -at % 4 + 8)
-    return lengths, ends
-
-
-def _number(data, order, at):
-    """The unsigned number at the next place for one, and where it ends."""
-    at += -at % 4
-    if at + 4 > len(data):
-        raise _refusal('damaged: it ends too early')
-    return struct.unpack_from(order + 'I', data, at)[0], at + 4
 
 
 def _refusal(text):
