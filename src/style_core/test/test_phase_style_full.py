@@ -12,6 +12,7 @@ from style_core.phase_style import FullPredictor, PaperPredictor, load_predictor
 from style_core.phase_style.full import still_behaviour
 from style_core.phase_style.learning import Sequence, align, bases_from, learn
 from style_core.phase_style.residual import learn_residual, leave_out
+from style_core.phase_style.search import BUDGET, GLANCE_COST, START_COST
 from style_core.predictor import Status
 
 NAMES = [f'j{k}' for k in range(6)]
@@ -290,3 +291,34 @@ def test_predictor_from_a_file_is_the_same(walk, jump, tmp_path):
     y = made_person('n_1', 5.7, 0.8, 81, seconds=1.5)[0].y
     np.testing.assert_array_equal(follow(load_predictor(tmp_path / 'm.npz'), y)[0],
                                   follow(FullPredictor([walk, jump]), y)[0])
+
+
+class Counted:
+    """Stands in for a filter or a glance and notes what it is asked to do."""
+
+    def __init__(self, inner, done):
+        self._inner, self._done = inner, done
+
+    def __getattr__(self, name):
+        if name in ('update', 'start', 'peaks'):
+            self._done.append(name)
+        return getattr(self._inner, name)
+
+
+@pytest.mark.parametrize('rate', [60.0, 240.0])
+def test_work_on_one_observation_is_bounded(walk, jump, rate):
+    predictor, done = FullPredictor([walk, jump]), []
+    for things in (*predictor._pool, predictor._search.glances):
+        things[:] = [Counted(one, done) for one in things]
+    predictor.reset()
+    people = [made_person(f'n{k}_1', 5 + 0.4 * k, 0.2 * k, 50 + k, shift=2 * k, seconds=1.5, rate=rate)[0].y
+              for k in range(5)]
+    most, glances = 0, 0
+    for frame, y in enumerate(np.concatenate(people)):
+        done.clear()
+        predictor.update(frame / rate, y)
+        work = done.count('update') + GLANCE_COST * done.count('peaks') + START_COST * done.count('start')
+        assert work <= BUDGET + 1e-9
+        assert done.count('update') >= 1
+        most, glances = max(most, work), glances + done.count('peaks')
+    assert most > 2 and glances > 20  # it did search

@@ -101,8 +101,7 @@ class FullPredictor:
         spent = 0
         leader = search.leader
         if leader is not None:
-            leader.filter.update(gate.y, gate.observed, max(gate.time - leader.time, 0.0))
-            leader.time = gate.time
+            leader.take(gate.time, gate.y, gate.observed)
             spent = 1
             if sampled:
                 leader.judge()

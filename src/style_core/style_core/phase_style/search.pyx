@@ -1,0 +1,378 @@
+"""Search over behaviour, phase and speed: hypotheses ranked at a glance, run side by side, judged by likelihood."""
+import numpy as np
+
+from libc.math cimport INFINITY, M_PI, NAN, exp, fabs, floor, isnan
+
+from style_core.phase_style.kernel import PhaseRanking
+
+__all__ = ['BUDGET', 'GLANCE_COST', 'LIVE', 'START_COST', 'Glance', 'Search', 'Track']
+
+#: Samples kept for starting a hypothesis in the past, samples a glance looks at, and their smallest distance, s.
+WINDOW = 10
+GLANCE = 6
+SPACING_S = 1 / 60 - 1e-3
+#: Hypotheses that run at a time.
+LIVE = 3
+#: Work spent on one observation at most, in filter updates, and what a glance and a start cost in the same unit (measured).
+BUDGET = 4.0
+GLANCE_COST = 0.8
+START_COST = 0.35
+#: Samples in the past from which a new hypothesis starts.
+REPLAY = 4
+#: Best phases kept of a glance, and how long they count, s.
+PEAKS = 3
+STALE_S = 0.15
+#: Phases tried a behaviour, and speeds as multiples of the training spread around the mean.
+PHASES = 32
+SPEEDS = (0.0, -1.2, 1.2, 2.4)
+#: Weight of the past, a sample, when hypotheses are compared by the likelihood of what they saw.
+MEMORY = 0.85
+#: Successive innovations of one filter repeat each other: so many count as one when hypotheses are compared.
+CORRELATED = 5.0
+#: Nats by which another hypothesis must lead to take over, and by which one must be behind to be given up.
+TAKE_OVER = 1.0
+GIVE_UP = 3.0
+#: Samples after which a hypothesis that does not lead makes room for a new one.
+PATIENCE = 12
+#: A search ends after this long, s - if the leader explains what it sees; otherwise it goes on.
+SEARCH_S = 0.4
+
+
+class Glance:
+    """Quick ranking of phases of one behaviour: its mean motion with two variances (see `PhaseRanking`)."""
+
+    def __init__(self, behaviour, table):
+        residual = behaviour.residual
+        self.behaviour = behaviour
+        posture = np.sum(table.values[:, 1:] ** 2, axis=1) + residual.offset + residual.fast + residual.personal
+        change = residual.fast + residual.noise + 0.5 * residual.personal
+        self._ranking = PhaseRanking(table.values[:, 0], posture, change, behaviour.rhythmic)
+        mean, spread, low, high = behaviour.velocity
+        if high <= 0:
+            self.phases, self.speeds, self.width = np.zeros(1), [0.0], 0.1
+        elif behaviour.rhythmic:
+            self.phases = np.arange(PHASES) * 2 * np.pi / PHASES
+            self.speeds = [min(max(mean + factor * spread, low), high) for factor in SPEEDS]
+            self.width = 2 * np.pi / PHASES
+        else:
+            self.phases, self.speeds, self.width = np.arange(PHASES) / PHASES, [mean], 1 / PHASES
+
+    def peaks(self, y, observed, back, speed):
+        """The best phases at the last sample, each a peak of the score over phase: list of (score, phase)."""
+        return self._ranking.peaks(y, observed, back, speed, self.phases, PEAKS)
+
+
+cdef class Track:
+    """A hypothesis: a filter, how far it has come, and how well it explained what it saw."""
+
+    cdef readonly int behaviour
+    cdef readonly object filter
+    cdef public long next
+    cdef public double time         # of the last update, s; NaN before the first
+    cdef readonly double score, weight, misfit
+    cdef readonly int count
+
+    def __init__(self, int behaviour, one, long first):
+        self.behaviour, self.filter, self.next, self.time = behaviour, one, first, NAN
+        self.judge_anew()
+
+    cpdef judge_anew(self):
+        """Forget how well it did."""
+        self.score, self.weight, self.misfit, self.count = 0.0, 0.0, 0.0, 0
+
+    cpdef take(self, double time, y, observed):
+        """Update with a sample."""
+        self.filter.update(y, observed, 0.0 if isnan(self.time) else max(time - self.time, 0.0))
+        self.time = time
+
+    cpdef judge(self):
+        """Take the filter's last update into account."""
+        cdef double innovation = self.filter.innovation
+        if not isnan(innovation):
+            self.score = MEMORY * self.score + <double>self.filter.log_likelihood
+            self.misfit = MEMORY * self.misfit + innovation
+            self.weight = MEMORY * self.weight + 1.0
+            self.count += 1
+
+    cpdef double lead(self, Track other):
+        """Nats by which it explains the last samples better than another."""
+        return (self.score / self.weight - other.score / other.weight) * min(self.weight, other.weight) / CORRELATED
+
+
+cdef class Search:
+    """Hypotheses beside the one that leads.
+
+    Samples are kept for a short while, so that a hypothesis can start in the past and catch up. Hypotheses are ranked
+    at a quick glance, the best of them run, and the likelihood of what was seen decides who leads. The work is
+    spread over the samples: updates, glances and starts share one budget.
+
+    Parameters
+    ----------
+    behaviours : list of Behaviour
+    glances : list of Glance
+    pool : list of list of ArrowFilter
+        Of each behaviour, ``LIVE + 1`` filters.
+    single : bool
+        Start from the best hypothesis alone (for ablation).
+
+    Attributes
+    ----------
+    leader : Track or None
+        None until something was observed.
+    tracks : list of Track
+        All that run, the leader included.
+    since : float
+        Duration of this search, s.
+    """
+
+    cdef readonly list tracks, glances
+    cdef readonly Track leader
+    cdef public double since
+    cdef list _pool, _free
+    cdef bint _single
+    cdef list _slices           # of each part of a glance: (behaviour, speed)
+    cdef list _found            # its peaks of the last glance
+    cdef double[::1] _stamps    # and when that was, s
+    cdef int _turn
+    cdef int _at_once           # glances an observation
+    cdef object _y, _observed, _times
+    cdef list _y_rows, _observed_rows
+    cdef double[::1] _time
+    cdef long _filled           # samples stored
+    cdef long _first            # the first of them that this search may use
+    cdef long _base             # of them, those before the first row of the memory
+    cdef double _last           # stamp of the last, s
+    cdef double[::1] _spread    # of the speed, of each behaviour
+    cdef double[::1] _width     # distance of the phases tried
+    cdef list _rhythmic
+
+    def __init__(self, behaviours, glances, pool, bint single=False):
+        channels = len(behaviours[0].joint_names)
+        self.glances, self._pool, self._single = glances, pool, single
+        self._slices = [(index, speed) for index, glance in enumerate(glances) for speed in glance.speeds]
+        # all in three samples; gaits of one behaviour take turns, so that a search costs what it would with one gait
+        names = {behaviour.name: len(glance.speeds) for behaviour, glance in zip(behaviours, glances)}
+        self._at_once = (sum(names.values()) + 2) // 3
+        self._stamps = np.empty(len(self._slices))
+        self._spread = np.array([behaviour.velocity[1] for behaviour in behaviours], dtype=float)
+        self._width = np.array([glance.width if len(glance.phases) > 1 else INFINITY for glance in glances])
+        self._rhythmic = [bool(behaviour.rhythmic) for behaviour in behaviours]
+        # several windows long, so that the last samples always lie in one piece
+        self._y = np.zeros((8 * WINDOW, channels))
+        self._observed = np.zeros((8 * WINDOW, channels), dtype=np.uint8)
+        self._times = np.zeros(8 * WINDOW)
+        self._y_rows, self._observed_rows, self._time = list(self._y), list(self._observed), self._times
+        self.reset()
+
+    def reset(self):
+        """Forget all hypotheses and samples."""
+        self.tracks = []
+        self.leader = None
+        self._free = [list(filters) for filters in self._pool]
+        self._filled = self._first = self._base = 0
+        self._last = 0.0
+        self._turn = 0
+        self._clear()
+
+    cdef _clear(self):
+        self.since = 0.0
+        self._found = [[]] * len(self._slices)
+        self._stamps[:] = -INFINITY
+
+    def again(self):
+        """The leader no longer explains what is seen: search, with the leader as one of the hypotheses.
+
+        Samples from before say nothing about what is seen now, be it another person or another place.
+        """
+        self._first = max(self._filled - 1, 0)
+        self._clear()
+        self.leader.judge_anew()
+
+    def store(self, double time, y, seen):
+        """Keep an observation if it is far enough from the last one and not empty; returns whether it was."""
+        cdef long row
+        if (self._filled and time - self._last < SPACING_S) or not seen.any():
+            return False
+        row = self._filled - self._base
+        if row == len(self._y):
+            for memory in (self._y, self._observed, self._times):
+                memory[:WINDOW] = memory[-WINDOW:]
+            self._base = self._filled - WINDOW
+            row = WINDOW
+        self._y_rows[row][:] = y
+        self._observed_rows[row][:] = seen
+        self._time[row] = self._last = time
+        self._filled += 1
+        return True
+
+    cpdef window(self, long most=GLANCE):
+        """The last samples of this search, oldest first: observations, what of them counts, rows they are kept in."""
+        cdef long stop = self._filled - self._base
+        rows = slice(stop - min(self._filled - self._first, WINDOW, most), stop)
+        return self._y[rows], self._observed[rows], rows
+
+    def step(self, double budget):
+        """Glance at a hypothesis, start the best, and let those that run catch up.
+
+        ``budget`` is what this may cost, in filter updates. While a place is free a glance comes first; while all are
+        taken, it gets what the updates leave.
+        """
+        cdef Track track
+        cdef int live = 1 if self._single and self.leader is None else LIVE
+        for track in list(self.tracks):
+            if track is not self.leader and self._filled - track.next > WINDOW:
+                self._drop(track)  # newer ones were served first, and its samples are gone
+        if len(self.tracks) < live:
+            budget = self._look(budget)
+            budget = self._start_candidates(live, budget)
+            self._catch_up(budget)
+        else:
+            budget = self._catch_up(budget)
+            self._look(budget)
+
+    cdef double _look(self, double budget):
+        """Glance; returns the budget left."""
+        cdef int index, slot
+        if budget < GLANCE_COST:
+            return budget
+        y, observed, rows = self.window()
+        back = self._last - self._times[rows]
+        if len(y) == 1:
+            # one sample says nothing about speed: every behaviour with its mean speed, if one update can still follow
+            slot = 0
+            for index, glance in enumerate(self.glances):
+                if index and budget < GLANCE_COST + START_COST + 1:
+                    break
+                self._glance(slot, y, observed, back)
+                budget -= GLANCE_COST
+                slot += len(glance.speeds)
+            return budget
+        self._glance(self._turn, y, observed, back)
+        self._turn = (self._turn + 1) % len(self._slices)
+        return budget - GLANCE_COST
+
+    cdef _glance(self, int slot, y, observed, back):
+        index, speed = self._slices[slot]
+        self._found[slot] = self.glances[index].peaks(y, observed, back, speed)
+        self._stamps[slot] = self._last
+
+    cdef double _catch_up(self, double budget):
+        """Update hypotheses with samples they have not seen; returns the budget left."""
+        cdef Track track, best
+        cdef long row
+        while budget >= 1:
+            # those that are nearly up to date first: one that never catches up is of no use
+            best = None
+            for track in self.tracks:
+                if track is not self.leader and track.next < self._filled and (best is None or track.next > best.next):
+                    best = track
+            if best is None:
+                break
+            row = best.next - self._base
+            best.take(self._time[row], self._y_rows[row], self._observed_rows[row])
+            best.judge()
+            best.next += 1
+            budget -= 1
+        return budget
+
+    cdef double _start_candidates(self, int live, double budget):
+        """Start the best that was seen at a glance and is not running yet; returns the budget left."""
+        cdef double now = self._last, at, speed
+        cdef int slot, index
+        cdef long first
+        order = []
+        for slot in range(len(self._slices)):
+            if now - self._stamps[slot] < STALE_S:
+                for score, phase in self._found[slot]:
+                    order.append((score, slot, phase))
+        order.sort(reverse=True)
+        for _, slot, phase in order:
+            if len(self.tracks) >= live or budget < START_COST + 1:  # an update must be left
+                break
+            index, speed = self._slices[slot]
+            at = phase + speed * (now - self._stamps[slot])
+            if self._runs(index, at, speed) or not self._free[index]:
+                continue
+            one = self._free[index].pop()
+            first = max(self._filled - REPLAY, self._first)
+            glance = self.glances[index]
+            one.start(at - speed * (now - self._time[first - self._base]), speed, glance.width ** 2,
+                      max(self._spread[index], 1e-3) ** 2 * (0.5 if len(glance.speeds) > 1 else 1.0))
+            self.tracks.append(Track(index, one, first))
+            budget -= START_COST
+        return budget
+
+    cdef bint _runs(self, int index, double phase, double speed):
+        cdef Track track
+        for track in self.tracks:
+            if self._near(track, index, phase, speed):
+                return True
+        return False
+
+    cdef bint _near(self, Track track, int index, double phase, double speed):
+        """Does a running hypothesis already stand for this behaviour, phase and speed?"""
+        cdef double difference
+        if track.behaviour != index:
+            return False
+        difference = <double>track.filter.phase - phase
+        if self._rhythmic[index]:
+            difference -= 2 * M_PI * floor((difference + M_PI) / (2 * M_PI))
+        return self._width[index] == INFINITY or (
+            fabs(difference) < 2 * self._width[index]
+            and fabs(<double>track.filter.velocity - speed) < self._spread[index])
+
+    def settle(self, double limit):
+        """Choose the leader, give up what is far behind; returns True when it is decided and the search is over.
+
+        ``limit`` is the innovation statistic up to which a leader explains what it sees.
+        """
+        cdef Track track, leader, best = None
+        cdef double ahead
+        cdef bint same, clear = True, over
+        ready = [track for track in self.tracks
+                 if track.count and (track is self.leader or track.next >= self._filled)]
+        if not ready:
+            return False
+        leader = self.leader if self.leader in ready else ready[0]
+        for track in ready:
+            if best is None or track.score / track.weight > best.score / best.weight:
+                best = track
+        if self.leader is None or best.lead(leader) > TAKE_OVER:
+            leader = best
+        self.leader = leader
+        for track in ready:
+            track.next = self._filled
+            if track is leader:
+                continue
+            ahead = leader.lead(track)
+            same = ahead > 0 and self._near(leader, track.behaviour, track.filter.phase, track.filter.velocity)
+            if track.count >= 3 and (ahead > GIVE_UP or same or (track.count >= PATIENCE and ahead > 0)):
+                self._drop(track)
+            else:
+                clear = clear and ahead > TAKE_OVER
+        over = leader.misfit / leader.weight < limit and (
+            self.since >= SEARCH_S or (leader.count >= 6 and clear and self.since >= 0.1))
+        if over:
+            for track in list(self.tracks):
+                if track is not leader:
+                    self._drop(track)
+        return over
+
+    cdef _drop(self, Track track):
+        self.tracks.remove(track)
+        self._free[track.behaviour].append(track.filter)
+
+    def weights(self):
+        """Posterior weight of each behaviour under way, {index: weight}; empty before anything was judged."""
+        cdef Track track, first = None
+        cdef double weight, total = 0
+        weights = {}
+        for track in self.tracks:
+            if track.weight:
+                if first is None:
+                    first = track
+                weight = exp(min(max(track.lead(first), -50.0), 50.0))
+                weights[track.behaviour] = max(weights.get(track.behaviour, 0.0), weight)
+        for weight in weights.values():
+            total += weight
+        return {index: weight / total for index, weight in weights.items()}
