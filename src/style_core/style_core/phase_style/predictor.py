@@ -60,7 +60,8 @@ class FullPredictor:
                          for behaviour in behaviours]
         channels = len(self.joint_names)
         self._gate = ObservationGate(channels)
-        self._monitor = InnovationMonitor()
+        # one is what these variances promise; three times a lower median called steady walks lost
+        self._monitor = InnovationMonitor(usual=(1.0, 1.0))
         self._bands = Bands(behaviours, 'calibration' not in without)
         self._present = np.zeros(1)
         self.reset()

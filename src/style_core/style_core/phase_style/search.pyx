@@ -14,7 +14,7 @@ SPACING_S = 1 / 60 - 1e-3
 #: Hypotheses that run at a time.
 LIVE = 3
 #: Work spent on one observation at most, in filter updates, and what a glance and a start cost in the same unit (measured).
-BUDGET = 4.0
+BUDGET = 5.0
 GLANCE_COST = 0.8
 START_COST = 0.35
 #: Samples in the past from which a new hypothesis starts.
@@ -205,10 +205,10 @@ cdef class Search:
         self._filled += 1
         return True
 
-    cpdef window(self, long most=GLANCE):
+    cpdef window(self):
         """The last samples of this search, oldest first: observations, what of them counts, rows they are kept in."""
         cdef long stop = self._filled - self._base
-        rows = slice(stop - min(self._filled - self._first, WINDOW, most), stop)
+        rows = slice(stop - min(self._filled - self._first, WINDOW, GLANCE), stop)
         return self._y[rows], self._observed[rows], rows
 
     def step(self, double budget):
