@@ -1015,38 +1015,45 @@ cdef class PhaseRanking:
         ndarray, shape (P,)
         """
         scores = np.empty(phases.shape[0])
-        self._rank(y, observed, back, velocity, phases, scores)
+        self._rank(back, velocity, phases, scores, self._take(y, observed))
         return scores
 
     def peaks(self, const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back,
-              double velocity, const double[::1] phases, int most):
-        """The best of neighbouring phases: a list of (log likelihood a sample, phase), best first, at most ``most``.
+              velocities, const double[::1] phases, int most):
+        """The best of neighbouring phases at each of some velocities.
 
         ``phases`` go once around a rhythmic motion, from start to goal of another.
+
+        Returns
+        -------
+        list of list of (float, float)
+            For each velocity at most ``most`` peaks, best first: log likelihood a sample, phase.
         """
         cdef int k, count = phases.shape[0]
-        cdef double left, right
+        cdef double left, right, constant = self._take(y, observed)
         if self.scores is None or self.scores.shape[0] != count:
             self.scores = np.empty(count)
-        self._rank(y, observed, back, velocity, phases, self.scores)
-        found = []
-        for k in range(count):
-            left = right = -INFINITY
-            if count > 1 and (self.rhythmic or k > 0):
-                left = self.scores[k - 1 if k else count - 1]
-            if count > 1 and (self.rhythmic or k < count - 1):
-                right = self.scores[k + 1 if k < count - 1 else 0]
-            if self.scores[k] >= left and self.scores[k] > right:
-                found.append((self.scores[k] / y.shape[0], phases[k]))
-        found.sort(reverse=True)
-        return found[:most]
+        result = []
+        for velocity in velocities:
+            self._rank(back, velocity, phases, self.scores, constant)
+            found = []
+            for k in range(count):
+                left = right = -INFINITY
+                if count > 1 and (self.rhythmic or k > 0):
+                    left = self.scores[k - 1 if k else count - 1]
+                if count > 1 and (self.rhythmic or k < count - 1):
+                    right = self.scores[k + 1 if k < count - 1 else 0]
+                if self.scores[k] >= left and self.scores[k] > right:
+                    found.append((self.scores[k] / y.shape[0], phases[k]))
+            found.sort(reverse=True)
+            result.append(found[:most])
+        return result
 
-    cdef _rank(self, const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back,
-               double velocity, const double[::1] phases, double[::1] scores):
-        cdef int p, k, d, samples = y.shape[0]
+    cdef double _take(self, const double[:, ::1] y, const unsigned char[:, ::1] observed) except *:
+        """Lay out the samples; returns the part of -2 log likelihood that no phase changes."""
+        cdef int k, d, samples = y.shape[0]
         cdef long width = self.f.width
-        cdef double phase, count, constant = 0
-        cdef int node[32]
+        cdef double count, constant = 0
         if samples > 32:
             raise ValueError(f'at most 32 samples, got {samples}')
         if samples != self.f.samples:
@@ -1062,8 +1069,16 @@ cdef class PhaseRanking:
                 self.samples[(2 * samples + 1) * width + d] = 1 / count if count else 0
                 if count:
                     constant += (count - 1) * self.log_change[d]
+        return constant
+
+    cdef _rank(self, const double[::1] back, double velocity, const double[::1] phases, double[::1] scores,
+               double constant):
+        cdef int p, k
+        cdef double phase
+        cdef int node[32]
+        with nogil:
             for p in range(phases.shape[0]):
-                for k in range(samples):
+                for k in range(self.f.samples):
                     phase = phases[p] - velocity * back[k]
                     if self.rhythmic:
                         node[k] = <int>(wrapped(phase) * (self.nodes / TWO_PI) + 0.5)

@@ -13,9 +13,10 @@ GLANCE = 6
 SPACING_S = 1 / 60 - 1e-3
 #: Hypotheses that run at a time.
 LIVE = 3
-#: Work spent on one observation at most, in filter updates, and what a glance and a start cost in the same unit (measured).
+#: Work spent on one observation at most, in filter updates; what a start costs in the same unit, and what a glance costs
+#: for each speed, and once more to lay out the samples (measured).
 BUDGET = 5.0
-GLANCE_COST = 0.8
+GLANCE_COST = 0.35
 START_COST = 0.35
 #: Samples in the past from which a new hypothesis starts.
 REPLAY = 4
@@ -57,9 +58,9 @@ class Glance:
         else:
             self.phases, self.speeds, self.width = np.arange(PHASES) / PHASES, [mean], 1 / PHASES
 
-    def peaks(self, y, observed, back, speed):
-        """The best phases at the last sample, each a peak of the score over phase: list of (score, phase)."""
-        return self._ranking.peaks(y, observed, back, speed, self.phases, PEAKS)
+    def peaks(self, y, observed, back, speeds):
+        """The best phases at the last sample with each speed, peaks of the score: lists of (score, phase)."""
+        return self._ranking.peaks(y, observed, back, speeds, self.phases, PEAKS)
 
 
 cdef class Track:
@@ -133,8 +134,8 @@ cdef class Search:
     cdef list _slices           # of each part of a glance: (behaviour, speed)
     cdef list _found            # its peaks of the last glance
     cdef double[::1] _stamps    # and when that was, s
-    cdef int _turn
-    cdef int _at_once           # glances an observation
+    cdef int _turn              # behaviour to glance at next
+    cdef list _slot             # of each behaviour: its first part
     cdef object _y, _observed, _times
     cdef list _y_rows, _observed_rows
     cdef double[::1] _time
@@ -150,9 +151,7 @@ cdef class Search:
         channels = len(behaviours[0].joint_names)
         self.glances, self._pool, self._single = glances, pool, single
         self._slices = [(index, speed) for index, glance in enumerate(glances) for speed in glance.speeds]
-        # all in three samples; gaits of one behaviour take turns, so that a search costs what it would with one gait
-        names = {behaviour.name: len(glance.speeds) for behaviour, glance in zip(behaviours, glances)}
-        self._at_once = (sum(names.values()) + 2) // 3
+        self._slot = [self._slices.index((index, glance.speeds[0])) for index, glance in enumerate(glances)]
         self._stamps = np.empty(len(self._slices))
         self._spread = np.array([behaviour.velocity[1] for behaviour in behaviours], dtype=float)
         self._width = np.array([glance.width if len(glance.phases) > 1 else INFINITY for glance in glances])
@@ -182,11 +181,14 @@ cdef class Search:
     def again(self):
         """The leader no longer explains what is seen: search, with the leader as one of the hypotheses.
 
-        Samples from before say nothing about what is seen now, be it another person or another place.
+        Samples from before say nothing about what is seen now, be it another person or another place. The last one
+        counts for all: a leader that was surprised by it and has made room for it since would else look better than
+        hypotheses which start from it.
         """
         self._first = max(self._filled - 1, 0)
         self._clear()
         self.leader.judge_anew()
+        self.leader.judge()
 
     def store(self, double time, y, seen):
         """Keep an observation if it is far enough from the last one and not empty; returns whether it was."""
@@ -231,30 +233,32 @@ cdef class Search:
             self._look(budget)
 
     cdef double _look(self, double budget):
-        """Glance; returns the budget left."""
-        cdef int index, slot
-        if budget < GLANCE_COST:
-            return budget
+        """Glance at one behaviour after the other, all speeds at a time; returns the budget left."""
+        cdef int index
+        cdef double cost
         y, observed, rows = self.window()
         back = self._last - self._times[rows]
         if len(y) == 1:
             # one sample says nothing about speed: every behaviour with its mean speed, if one update can still follow
-            slot = 0
-            for index, glance in enumerate(self.glances):
-                if index and budget < GLANCE_COST + START_COST + 1:
+            cost = 2 * GLANCE_COST
+            for index in range(len(self.glances)):
+                if budget < cost + (START_COST + 1 if index else 0):
                     break
-                self._glance(slot, y, observed, back)
-                budget -= GLANCE_COST
-                slot += len(glance.speeds)
+                self._glance(index, y, observed, back, 1)
+                budget -= cost
             return budget
-        self._glance(self._turn, y, observed, back)
-        self._turn = (self._turn + 1) % len(self._slices)
-        return budget - GLANCE_COST
+        cost = GLANCE_COST * (1 + len(self.glances[self._turn].speeds))
+        if budget < cost:
+            return budget
+        self._glance(self._turn, y, observed, back, len(self.glances[self._turn].speeds))
+        self._turn = (self._turn + 1) % len(self.glances)
+        return budget - cost
 
-    cdef _glance(self, int slot, y, observed, back):
-        index, speed = self._slices[slot]
-        self._found[slot] = self.glances[index].peaks(y, observed, back, speed)
-        self._stamps[slot] = self._last
+    cdef _glance(self, int index, y, observed, back, int speeds):
+        glance = self.glances[index]
+        for slot, found in enumerate(glance.peaks(y, observed, back, glance.speeds[:speeds]), self._slot[index]):
+            self._found[slot] = found
+            self._stamps[slot] = self._last
 
     cdef double _catch_up(self, double budget):
         """Update hypotheses with samples they have not seen; returns the budget left."""
