@@ -12,12 +12,17 @@
 #define LANES 8
 #define MOST 60  /* common states, and residual states of a channel */
 
+/* Tables are kept in single precision: what that rounds is a thousandth of what lies between nodes, and half the
+   memory passes through the caches. All arithmetic is in double precision. */
+typedef float cell;
+typedef cell c4 __attribute__((vector_size(4 * sizeof(cell)), may_alias));
 typedef double v4 __attribute__((vector_size(32), may_alias));
+typedef long long l4 __attribute__((vector_size(32), may_alias));
 typedef double v4u __attribute__((vector_size(32), aligned(8), may_alias));
 
-/* The cubics between two nodes of a table: values p, r and slopes q, s at the nodes; weights of the value in
-   h[0..3] and of its derivative by phase in h[4..7]. */
-typedef struct { const double *p, *q, *r, *s; double h[8]; } cubic;
+/* The cubics between two nodes of a table, each a row of blocks of (value, slope) of every basis; weights of the value
+   in h[0..3] and of its derivative by phase in h[4..7]: value and slope here, value and slope at the next node. */
+typedef struct { const cell *here, *next; double h[8]; } cubic;
 
 /* Rows of a block of the arrow filter: A (n, m), V (n (n + 1) / 2, below its diagonal), u (n), g (m), V s (n),
    1 / S, error, then constants: noise, offset, fast, sum of personal, personal (K). */

@@ -2,6 +2,9 @@
 #define EACH for (int k = 0; k < 2; k++)
 #define ROW(base, r) ((v4 *)((base) + LANES * (r)))
 #define CROW(base, r) ((const v4 *)((base) + LANES * (r)))
+/* half a block (0 or 1) of a basis in a block of a cubic's node: its value, and its slope */
+#define VALUE(base, j, k) __builtin_convertvector(*(const c4 *)((base) + 2 * LANES * (j) + 4 * (k)), v4)
+#define SLOPE(base, j, k) __builtin_convertvector(*(const c4 *)((base) + 2 * LANES * (j) + LANES + 4 * (k)), v4)
 #define TRI(a, b) ((a) * ((a) + 1) / 2 + (b))
 
 /* a block of a row of channels, which may end inside it */
@@ -31,6 +34,16 @@ static inline int NAME(take)(const double *y, const unsigned char *observed, int
 static inline double NAME(log_product)(const v4 *x)
 {
     return log((x[0][0] * x[0][1]) * (x[0][2] * x[0][3])) + log((x[1][0] * x[1][1]) * (x[1][2] * x[1][3]));
+}
+
+/* square roots, 0 of what is not positive */
+static inline void NAME(root)(v4 *x)
+{
+    double root[LANES];
+    EACH x[k] = (v4)((l4)x[k] & (x[k] > 0));
+    for (int k = 0; k < LANES; k++)
+        root[k] = sqrt(((const double *)x)[k]);
+    memcpy(x, root, sizeof(root));
 }
 
 /* Time step of a block: V <- G (V + A N A^T) G^T + Q and A <- G A M, u <- G u. */
@@ -126,18 +139,19 @@ static void NAME(arrow_sense)(arrow *f, int step)
         {   /* the expected observation and its derivatives */
             v4 p[2] = {}, q[2] = {}, r[2] = {}, s[2] = {};
             EACH row[k] = (v4){};
+            const cell *here = f->at.here + 2 * LANES * (styles + 1) * block;
+            const cell *next = f->at.next + 2 * LANES * (styles + 1) * block;
             for (int j = 0; j <= styles; j++) {
-                const long at = (long)j * f->width + block * LANES;
-                const v4 *p0 = (v4 *)(f->at.p + at), *q0 = (v4 *)(f->at.q + at);
-                const v4 *r0 = (v4 *)(f->at.r + at), *s0 = (v4 *)(f->at.s + at);
                 const double w = f->w[j];
                 EACH {
-                    v4 value = (f->at.h[0] * p0[k] + f->at.h[1] * q0[k]) + (f->at.h[2] * r0[k] + f->at.h[3] * s0[k]);
+                    const v4 p0 = VALUE(here, j, k), q0 = SLOPE(here, j, k);
+                    const v4 r0 = VALUE(next, j, k), s0 = SLOPE(next, j, k);
+                    const v4 value = (f->at.h[0] * p0 + f->at.h[1] * q0) + (f->at.h[2] * r0 + f->at.h[3] * s0);
                     row[k] += w * value;
-                    p[k] += w * p0[k];
-                    q[k] += w * q0[k];
-                    r[k] += w * r0[k];
-                    s[k] += w * s0[k];
+                    p[k] += w * p0;
+                    q[k] += w * q0;
+                    r[k] += w * r0;
+                    s[k] += w * s0;
                     if (j)
                         g[2 * (1 + j) + k] = value;
                 }
@@ -226,32 +240,38 @@ static void NAME(arrow_settle)(arrow *f)
 }
 
 /* Mean and velocity at a time ahead, each (D,) or NULL; where rows is not NULL, the derivative by phase and the bases
-   of z, (1 + J, width), for the spread. */
+   of z, (blocks, 1 + J, 8), for the spread. */
 static void NAME(arrow_mean)(const arrow *f, const horizon *x, double *mean, double *velocity, double *rows)
 {
     const int m = f->m, n = f->n, styles = m - 2;
     for (int block = 0; block < f->blocks; block++) {
         const double *u = f->states + (long)block * f->rows * LANES + LANES * (n * m + TRI(n, 0));
         const int left = f->channels - block * LANES;
-        v4 p[2] = {}, q[2] = {}, r[2] = {}, s[2] = {}, base[2], row[2], slope[2], personal[2] = {}, rate[2];
-        for (int j = 0; j <= styles; j++) {
-            const long at = (long)j * f->width + block * LANES;
-            const v4 *p0 = (v4 *)(x->at.p + at), *q0 = (v4 *)(x->at.q + at);
-            const v4 *r0 = (v4 *)(x->at.r + at), *s0 = (v4 *)(x->at.s + at);
+        v4 p[2], q[2], r[2], s[2], base[2], row[2], slope[2], personal[2] = {}, rate[2];
+        const cell *here = x->at.here + 2 * LANES * (1 + styles) * block;
+        const cell *next = x->at.next + 2 * LANES * (1 + styles) * block;
+        v4 *bases = rows ? (v4 *)(rows + (1 + styles) * LANES * block) : NULL;
+        EACH {  /* (the mean motion has weight 1) */
+            p[k] = VALUE(here, 0, k);
+            q[k] = SLOPE(here, 0, k);
+            r[k] = VALUE(next, 0, k);
+            s[k] = SLOPE(next, 0, k);
+            base[k] = (x->at.h[0] * p[k] + x->at.h[1] * q[k]) + (x->at.h[2] * r[k] + x->at.h[3] * s[k]);
+        }
+        if (bases)
+            for (int j = 1; j <= styles; j++)
+                EACH {
+                    const v4 p0 = VALUE(here, j, k), q0 = SLOPE(here, j, k);
+                    const v4 r0 = VALUE(next, j, k), s0 = SLOPE(next, j, k);
+                    bases[2 * j + k] = (x->at.h[0] * p0 + x->at.h[1] * q0) + (x->at.h[2] * r0 + x->at.h[3] * s0);
+                }
+        for (int j = 1; j <= styles; j++) {
             const double w = x->w[j];
             EACH {
-                p[k] += w * p0[k];
-                q[k] += w * q0[k];
-                r[k] += w * r0[k];
-                s[k] += w * s0[k];
-            }
-            if (j == 0 || rows) {
-                v4 value[2];
-                EACH value[k] = (x->at.h[0] * p0[k] + x->at.h[1] * q0[k]) + (x->at.h[2] * r0[k] + x->at.h[3] * s0[k]);
-                if (j == 0)
-                    EACH base[k] = value[k];
-                else
-                    EACH ((v4 *)(rows + at))[k] = value[k];
+                p[k] += w * VALUE(here, j, k);
+                q[k] += w * SLOPE(here, j, k);
+                r[k] += w * VALUE(next, j, k);
+                s[k] += w * SLOPE(next, j, k);
             }
         }
         EACH {
@@ -276,8 +296,8 @@ static void NAME(arrow_mean)(const arrow *f, const horizon *x, double *mean, dou
         NAME(put)(mean + block * LANES, row, left);
         if (velocity)
             NAME(put)(velocity + block * LANES, rate, left);
-        if (rows)
-            EACH ((v4 *)(rows + block * LANES))[k] = slope[k];
+        if (bases)
+            EACH bases[k] = slope[k];
     }
 }
 
@@ -291,10 +311,10 @@ static void NAME(arrow_spread)(const arrow *f, const horizon *x, int count, cons
         const int left = f->channels - block * LANES;
         for (int h = 0; h < count; h++) {
             const horizon *at = x + h;
-            const double *here = rows + ((long)h * (1 + styles)) * f->width + block * LANES;
+            const v4 *bases = (const v4 *)(rows + (1 + styles) * (h * f->width + block * LANES));
             v4 g[MOST][2], total[2];
             EACH {
-                v4 slope = ((const v4 *)here)[k];
+                v4 slope = bases[k];
                 total[k] = CROW(constants, 0)[k] + at->q_offset * CROW(constants, 1)[k]
                     + at->q_fast * CROW(constants, 2)[k] + at->q_personal * CROW(constants, 3)[k]
                     + at->wander * slope * slope;
@@ -303,7 +323,7 @@ static void NAME(arrow_spread)(const arrow *f, const horizon *x, int count, cons
             }
             for (int j = 0; j < styles; j++)
                 EACH {
-                    v4 value = ((const v4 *)(here + (long)(1 + j) * f->width))[k];
+                    v4 value = bases[2 * (1 + j) + k];
                     total[k] += (1 - at->rho * at->rho) * value * value;
                     g[2 + j][k] = at->rho * value;
                 }
@@ -326,10 +346,7 @@ static void NAME(arrow_spread)(const arrow *f, const horizon *x, int count, cons
                     EACH t[k] += at->s[b] * CROW(V, TRI(a, b))[k];
                 EACH total[k] += at->s[a] * (2 * t[k] + at->s[a] * CROW(V, TRI(a, a))[k]);
             }
-            for (int k = 0; k < LANES; k++) {
-                double *t = (double *)total;
-                t[k] = sqrt(t[k] > 0 ? t[k] : 0);
-            }
+            NAME(root)(total);
             NAME(put)(std[h] + block * LANES, total, left);
         }
     }
@@ -345,14 +362,14 @@ static void NAME(paper_sense)(paper *f, const cubic *at, double extra, const dou
         v4 *seen = ROW(f->seen, block), *clean = ROW(f->clean, block);
         if (!NAME(take)(y + block * LANES, observed + block * LANES, f->channels - block * LANES, clean, seen))
             continue;
+        const cell *here = at->here + 2 * LANES * f->count * block, *next = at->next + 2 * LANES * f->count * block;
         for (int j = 0; j < f->count; j++) {
-            const long here = (long)j * f->width + block * LANES;
             const double w = f->w[j];
             EACH {
-                p[k] += w * ((const v4 *)(at->p + here))[k];
-                q[k] += w * ((const v4 *)(at->q + here))[k];
-                r[k] += w * ((const v4 *)(at->r + here))[k];
-                s[k] += w * ((const v4 *)(at->s + here))[k];
+                p[k] += w * VALUE(here, j, k);
+                q[k] += w * SLOPE(here, j, k);
+                r[k] += w * VALUE(next, j, k);
+                s[k] += w * SLOPE(next, j, k);
             }
         }
         EACH {
@@ -379,13 +396,13 @@ static void NAME(paper_learn)(paper *f, const cubic *at)
     memset(sums, 0, (2 * half + J) * sizeof(v4));
     for (int block = 0; block < f->blocks; block++) {
         const v4 *seen = CROW(f->seen, block), *clean = CROW(f->clean, block), *noise = CROW(f->noise, block);
+        const cell *here = at->here + 2 * LANES * J * block, *next = at->next + 2 * LANES * J * block;
         v4 value[MOST][2];
         for (int i = 0; i < J; i++) {
-            const long here = (long)i * f->width + block * LANES;
             v4 t[2], z[2];
             EACH {
-                value[i][k] = (at->h[0] * ((const v4 *)(at->p + here))[k] + at->h[1] * ((const v4 *)(at->q + here))[k])
-                    + (at->h[2] * ((const v4 *)(at->r + here))[k] + at->h[3] * ((const v4 *)(at->s + here))[k]);
+                value[i][k] = (at->h[0] * VALUE(here, i, k) + at->h[1] * SLOPE(here, i, k))
+                    + (at->h[2] * VALUE(next, i, k) + at->h[3] * SLOPE(next, i, k));
                 t[k] = seen[k] * value[i][k];
                 z[k] = t[k] * noise[k];
             }
@@ -406,12 +423,12 @@ static void NAME(paper_ahead)(const paper *f, const cubic *at, double extra, dou
     for (int block = 0; block < f->blocks; block++) {
         const int left = f->channels - block * LANES;
         v4 value[MOST][2], row[2] = {}, p[2] = {}, q[2] = {}, r[2] = {}, s[2] = {}, total[2];
+        const cell *here = at->here + 2 * LANES * J * block, *next = at->next + 2 * LANES * J * block;
         for (int j = 0; j < J; j++) {
-            const long here = (long)j * f->width + block * LANES;
             const double w = f->w[j];
             EACH {
-                const v4 p0 = ((const v4 *)(at->p + here))[k], q0 = ((const v4 *)(at->q + here))[k];
-                const v4 r0 = ((const v4 *)(at->r + here))[k], s0 = ((const v4 *)(at->s + here))[k];
+                const v4 p0 = VALUE(here, j, k), q0 = SLOPE(here, j, k);
+                const v4 r0 = VALUE(next, j, k), s0 = SLOPE(next, j, k);
                 value[j][k] = (at->h[0] * p0 + at->h[1] * q0) + (at->h[2] * r0 + at->h[3] * s0);
                 row[k] += w * value[j][k];
                 p[k] += w * p0;
@@ -431,10 +448,7 @@ static void NAME(paper_ahead)(const paper *f, const cubic *at, double extra, dou
                 EACH t[k] += f->spread[i * J + j] * value[j][k];
             EACH total[k] += t[k] * value[i][k];
         }
-        for (int k = 0; k < LANES; k++) {
-            double *t = (double *)total;
-            t[k] = sqrt(t[k] > 0 ? t[k] : 0);
-        }
+        NAME(root)(total);
         NAME(put)(mean + block * LANES, row, left);
         NAME(put)(std + block * LANES, total, left);
         if (velocity)
@@ -472,4 +486,6 @@ static double NAME(glance_score)(const glance *f, const int *node)
 #undef EACH
 #undef ROW
 #undef CROW
+#undef VALUE
+#undef SLOPE
 #undef TRI

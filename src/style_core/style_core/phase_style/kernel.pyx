@@ -16,11 +16,10 @@ from libc.string cimport memset
 
 cdef extern from "blocks.h":
     enum: LANES, MOST
+    ctypedef float cell
     ctypedef struct cubic:
-        const double *p
-        const double *q
-        const double *r
-        const double *s
+        const cell *here
+        const cell *next
         double h[8]
     ctypedef struct arrow:
         int m, n, harmonics, blocks, channels, width, rows, third
@@ -159,7 +158,8 @@ cdef class Table:
     cdef readonly int count, channels, nodes
     cdef readonly bint rhythmic
     cdef int blocks, width
-    cdef double[::1] values, slopes     # (nodes + 1, count, width)
+    cdef double[::1] memory
+    cdef cell* cells                    # (nodes + 1, blocks, count, value and slope, 8)
     cdef const double[:, ::1] variances
 
     def __init__(self, table):
@@ -170,13 +170,12 @@ cdef class Table:
         self.channels = table.values.shape[2]
         self.blocks = (self.channels + LANES - 1) // LANES
         self.width = self.blocks * LANES
-        self.values = self._filled_up(table.values)
-        self.slopes = self._filled_up(table.slopes)
-
-    cdef double[::1] _filled_up(self, values):
-        memory = aligned((self.nodes + 1) * self.count * self.width)
-        np.asarray(memory).reshape(self.nodes + 1, self.count, self.width)[:, :, :self.channels] = values
-        return memory
+        rows = np.zeros((self.nodes + 1, 2, self.count, self.width))
+        rows[:, 0, :, :self.channels], rows[:, 1, :, :self.channels] = table.values, table.slopes
+        rows = rows.reshape(self.nodes + 1, 2, self.count, self.blocks, LANES).transpose(0, 3, 2, 1, 4)
+        self.memory = aligned(rows.size // 2)  # two cells in the place of a double
+        self.cells = <cell*>&self.memory[0]
+        np.asarray(self.memory).view(np.float32)[:] = rows.reshape(-1)
 
     cdef void place(self, double phase, int* node, double* part, double* rate) noexcept nogil:
         """Node below a phase, position between nodes in [0, 1], and nodes a unit of phase (0 when clamped)."""
@@ -200,13 +199,11 @@ cdef class Table:
     cdef void look_up(self, double phase, cubic* at) noexcept nogil:
         """The cubics around a phase."""
         cdef int node
-        cdef long size = self.count * self.width
+        cdef long size = 2 * self.count * self.width
         cdef double u, rate
         self.place(phase, &node, &u, &rate)
-        at.p = &self.values[node * size]
-        at.q = &self.slopes[node * size]
-        at.r = at.p + size
-        at.s = at.q + size
+        at.here = self.cells + node * size
+        at.next = at.here + size
         at.h[0] = (1 + 2 * u) * (1 - u) * (1 - u)
         at.h[1] = u * (1 - u) * (1 - u)
         at.h[2] = u * u * (3 - 2 * u)
@@ -230,14 +227,16 @@ cdef class Table:
         cdef cubic at
         cdef int j, d
         cdef long k
+        cdef double p, q, r, s
         cdef double[:, ::1] value = np.empty((self.count, self.channels))
         cdef double[:, ::1] slope = np.empty((self.count, self.channels))
         self.look_up(phase, &at)
         for j in range(self.count):
             for d in range(self.channels):
-                k = j * self.width + d
-                value[j, d] = (at.h[0] * at.p[k] + at.h[1] * at.q[k]) + (at.h[2] * at.r[k] + at.h[3] * at.s[k])
-                slope[j, d] = (at.h[4] * at.p[k] + at.h[5] * at.q[k]) + (at.h[6] * at.r[k] + at.h[7] * at.s[k])
+                k = 2 * LANES * (self.count * (d // LANES) + j) + d % LANES
+                p, q, r, s = at.here[k], at.here[k + LANES], at.next[k], at.next[k + LANES]
+                value[j, d] = (at.h[0] * p + at.h[1] * q) + (at.h[2] * r + at.h[3] * s)
+                slope[j, d] = (at.h[4] * p + at.h[5] * q) + (at.h[6] * r + at.h[7] * s)
         return np.asarray(value), np.asarray(slope)
 
 
