@@ -72,6 +72,7 @@ typedef struct {
 #undef NAME
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && defined(__gnu_linux__)
+#include <immintrin.h>
 #pragma GCC push_options
 #pragma GCC target("avx2")
 #define NAME(x) x##_avx2

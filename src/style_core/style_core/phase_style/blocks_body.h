@@ -2,19 +2,38 @@
 #define EACH for (int k = 0; k < 2; k++)
 #define ROW(base, r) ((v4 *)((base) + LANES * (r)))
 #define CROW(base, r) ((const v4 *)((base) + LANES * (r)))
-/* half a block (0 or 1) of a basis in a block of a cubic's node: its value, and its slope */
-#define VALUE(base, j, k) __builtin_convertvector(*(const c4 *)((base) + 2 * LANES * (j) + 4 * (k)), v4)
-#define SLOPE(base, j, k) __builtin_convertvector(*(const c4 *)((base) + 2 * LANES * (j) + LANES + 4 * (k)), v4)
+/* half a row of a block */
+#define HALF(base, r) (*(v4 *)((base) + LANES * (r)))
+#define CHALF(base, r) (*(const v4 *)((base) + LANES * (r)))
+/* a basis in half a block of a cubic's node: its value, and its slope */
+#define VALUE(base, j) NAME(wide)((base) + 2 * LANES * (j))
+#define SLOPE(base, j) NAME(wide)((base) + 2 * LANES * (j) + LANES)
 #define TRI(a, b) ((a) * ((a) + 1) / 2 + (b))
 
-/* a block of a row of channels, which may end inside it */
-static inline void NAME(put)(double *out, const v4 *x, int left)
+/* four cells of a table */
+static inline v4 NAME(wide)(const cell *x)
 {
-    if (left >= LANES) {
-        ((v4u *)out)[0] = x[0];
-        ((v4u *)out)[1] = x[1];
-    } else
-        memcpy(out, x, left * sizeof(double));
+#ifdef __AVX__
+    return (v4)_mm256_cvtps_pd(_mm_load_ps(x));
+#else
+    return __builtin_convertvector(*(const c4 *)x, v4);
+#endif
+}
+
+/* half a block of a row of channels, which may end before or inside it */
+static inline void NAME(put)(double *out, v4 x, int left)
+{
+    if (left >= LANES / 2)
+        *(v4u *)out = x;
+    else if (left > 0)
+        memcpy(out, &x, left * sizeof(double));
+}
+
+/* weights of a cubic in all lanes */
+static inline void NAME(spread_weights)(const cubic *at, v4 *h)
+{
+    for (int i = 0; i < 8; i++)
+        h[i] = (v4){at->h[i], at->h[i], at->h[i], at->h[i]};
 }
 
 /* what was measured in a block, 0 where nothing was; returns whether anything was */
@@ -37,13 +56,13 @@ static inline double NAME(log_product)(const v4 *x)
 }
 
 /* square roots, 0 of what is not positive */
-static inline void NAME(root)(v4 *x)
+static inline v4 NAME(root)(v4 x)
 {
-    double root[LANES];
-    EACH x[k] = (v4)((l4)x[k] & (x[k] > 0));
-    for (int k = 0; k < LANES; k++)
-        root[k] = sqrt(((const double *)x)[k]);
-    memcpy(x, root, sizeof(root));
+    v4 y;
+    x = (v4)((l4)x & (x > 0));
+    for (int k = 0; k < LANES / 2; k++)
+        y[k] = sqrt(x[k]);
+    return y;
 }
 
 /* Time step of a block: V <- G (V + A N A^T) G^T + Q and A <- G A M, u <- G u. */
@@ -126,6 +145,8 @@ static void NAME(arrow_sense)(arrow *f, int step)
 {
     const int m = f->m, n = f->n, styles = m - 2;
     v4 *sums = (v4 *)f->sums;
+    v4 h[8];
+    NAME(spread_weights)(&f->at, h);
     memset(sums, 0, (TRI(m, 0) + m + 1) * sizeof(v4));
     f->logs = 0;
     for (int block = 0; block < f->blocks; block++) {
@@ -137,26 +158,25 @@ static void NAME(arrow_sense)(arrow *f, int step)
         if (step)
             NAME(arrow_step)(f, A, V, u, constants);
         {   /* the expected observation and its derivatives */
-            v4 p[2] = {}, q[2] = {}, r[2] = {}, s[2] = {};
-            EACH row[k] = (v4){};
-            const cell *here = f->at.here + 2 * LANES * (styles + 1) * block;
-            const cell *next = f->at.next + 2 * LANES * (styles + 1) * block;
-            for (int j = 0; j <= styles; j++) {
-                const double w = f->w[j];
-                EACH {
-                    const v4 p0 = VALUE(here, j, k), q0 = SLOPE(here, j, k);
-                    const v4 r0 = VALUE(next, j, k), s0 = SLOPE(next, j, k);
-                    const v4 value = (f->at.h[0] * p0 + f->at.h[1] * q0) + (f->at.h[2] * r0 + f->at.h[3] * s0);
-                    row[k] += w * value;
-                    p[k] += w * p0;
-                    q[k] += w * q0;
-                    r[k] += w * r0;
-                    s[k] += w * s0;
-                    if (j)
-                        g[2 * (1 + j) + k] = value;
+            for (int k = 0; k < 2; k++) {
+                const cell *here = f->at.here + 2 * LANES * (styles + 1) * block + LANES / 2 * k;
+                const cell *next = f->at.next + 2 * LANES * (styles + 1) * block + LANES / 2 * k;
+                v4 p = VALUE(here, 0), q = SLOPE(here, 0), r = VALUE(next, 0), s = SLOPE(next, 0);
+                v4 mean = (h[0] * p + h[1] * q) + (h[2] * r + h[3] * s);
+                for (int j = 1; j <= styles; j++) {
+                    const v4 p0 = VALUE(here, j), q0 = SLOPE(here, j), r0 = VALUE(next, j), s0 = SLOPE(next, j);
+                    const v4 value = (h[0] * p0 + h[1] * q0) + (h[2] * r0 + h[3] * s0);
+                    const double w = f->w[j];
+                    mean += w * value;
+                    p += w * p0;
+                    q += w * q0;
+                    r += w * r0;
+                    s += w * s0;
+                    g[2 * (1 + j) + k] = value;
                 }
+                row[k] = mean;
+                slope[k] = (h[4] * p + h[5] * q) + (h[6] * r + h[7] * s);
             }
-            EACH slope[k] = (f->at.h[4] * p[k] + f->at.h[5] * q[k]) + (f->at.h[6] * r[k] + f->at.h[7] * s[k]);
             EACH row[k] += ROW(u, 0)[k] + ROW(u, 1)[k];
             for (int j = 0; j < f->harmonics; j++) {
                 const v4 *x = ROW(u, 3 + 2 * j), *z = ROW(u, 4 + 2 * j);
@@ -244,138 +264,151 @@ static void NAME(arrow_settle)(arrow *f)
 static void NAME(arrow_mean)(const arrow *f, const horizon *x, double *mean, double *velocity, double *rows)
 {
     const int m = f->m, n = f->n, styles = m - 2;
-    for (int block = 0; block < f->blocks; block++) {
-        const double *u = f->states + (long)block * f->rows * LANES + LANES * (n * m + TRI(n, 0));
-        const int left = f->channels - block * LANES;
-        v4 p[2], q[2], r[2], s[2], base[2], row[2], slope[2], personal[2] = {}, rate[2];
-        const cell *here = x->at.here + 2 * LANES * (1 + styles) * block;
-        const cell *next = x->at.next + 2 * LANES * (1 + styles) * block;
-        v4 *bases = rows ? (v4 *)(rows + (1 + styles) * LANES * block) : NULL;
-        EACH {  /* (the mean motion has weight 1) */
-            p[k] = VALUE(here, 0, k);
-            q[k] = SLOPE(here, 0, k);
-            r[k] = VALUE(next, 0, k);
-            s[k] = SLOPE(next, 0, k);
-            base[k] = (x->at.h[0] * p[k] + x->at.h[1] * q[k]) + (x->at.h[2] * r[k] + x->at.h[3] * s[k]);
-        }
+    v4 h[8];
+    NAME(spread_weights)(&x->at, h);
+    for (int half = 0; half < 2 * f->blocks; half++) {
+        const int block = half / 2, lane = LANES / 2 * (half % 2), left = f->channels - LANES / 2 * half;
+        const double *u = f->states + (long)block * f->rows * LANES + LANES * (n * m + TRI(n, 0)) + lane;
+        const cell *here = x->at.here + 2 * LANES * (1 + styles) * block + lane;
+        const cell *next = x->at.next + 2 * LANES * (1 + styles) * block + lane;
+        v4 *bases = rows ? (v4 *)rows + (1 + styles) * half : NULL;
+        v4 p = VALUE(here, 0), q = SLOPE(here, 0), r = VALUE(next, 0), s = SLOPE(next, 0);
+        const v4 base = (h[0] * p + h[1] * q) + (h[2] * r + h[3] * s);
         if (bases)
             for (int j = 1; j <= styles; j++)
-                EACH {
-                    const v4 p0 = VALUE(here, j, k), q0 = SLOPE(here, j, k);
-                    const v4 r0 = VALUE(next, j, k), s0 = SLOPE(next, j, k);
-                    bases[2 * j + k] = (x->at.h[0] * p0 + x->at.h[1] * q0) + (x->at.h[2] * r0 + x->at.h[3] * s0);
-                }
+                bases[j] = (h[0] * VALUE(here, j) + h[1] * SLOPE(here, j))
+                    + (h[2] * VALUE(next, j) + h[3] * SLOPE(next, j));
         for (int j = 1; j <= styles; j++) {
             const double w = x->w[j];
-            EACH {
-                p[k] += w * VALUE(here, j, k);
-                q[k] += w * SLOPE(here, j, k);
-                r[k] += w * VALUE(next, j, k);
-                s[k] += w * SLOPE(next, j, k);
-            }
+            p += w * VALUE(here, j);
+            q += w * SLOPE(here, j);
+            r += w * VALUE(next, j);
+            s += w * SLOPE(next, j);
         }
-        EACH {
-            row[k] = (x->at.h[0] * p[k] + x->at.h[1] * q[k]) + (x->at.h[2] * r[k] + x->at.h[3] * s[k]);
-            slope[k] = (x->at.h[4] * p[k] + x->at.h[5] * q[k]) + (x->at.h[6] * r[k] + x->at.h[7] * s[k]);
-            rate[k] = -x->style_rate * (row[k] - base[k]);
-        }
+        v4 row = (h[0] * p + h[1] * q) + (h[2] * r + h[3] * s);
+        v4 slope = (h[4] * p + h[5] * q) + (h[6] * r + h[7] * s);
+        v4 rate = -x->style_rate * (row - base), personal = {};
         for (int j = 0; j < f->harmonics; j++) {
-            const v4 *a = CROW(u, 3 + 2 * j), *b = CROW(u, 4 + 2 * j);
+            const v4 a = CHALF(u, 3 + 2 * j), b = CHALF(u, 4 + 2 * j);
             const double c = x->s[3 + 2 * j], d = x->s[4 + 2 * j];
-            EACH {
-                slope[k] += (j + 1) * (c * b[k] - d * a[k]);
-                personal[k] += c * a[k] + d * b[k];
-            }
+            slope += (j + 1) * (c * b - d * a);
+            personal += c * a + d * b;
         }
-        EACH {
-            const v4 offset = x->s[0] * CROW(u, 0)[k], u1 = CROW(u, 1)[k], u2 = CROW(u, 2)[k];
-            row[k] += (offset + (x->s[1] * u1 + x->s[2] * u2)) + personal[k];
-            rate[k] += (x->speed * slope[k] + (x->f21 * u1 + x->f22 * u2))
-                - (x->offset_rate * offset + x->personal_rate * personal[k]);
-        }
-        NAME(put)(mean + block * LANES, row, left);
+        const v4 offset = x->s[0] * CHALF(u, 0), u1 = CHALF(u, 1), u2 = CHALF(u, 2);
+        row += (offset + (x->s[1] * u1 + x->s[2] * u2)) + personal;
+        rate += (x->speed * slope + (x->f21 * u1 + x->f22 * u2))
+            - (x->offset_rate * offset + x->personal_rate * personal);
+        NAME(put)(mean + LANES / 2 * half, row, left);
         if (velocity)
-            NAME(put)(velocity + block * LANES, rate, left);
+            NAME(put)(velocity + LANES / 2 * half, rate, left);
         if (bases)
-            EACH bases[k] = slope[k];
+            bases[0] = slope;
     }
+}
+
+/* Standard deviation of a block at H times ahead: what of the states is loaded serves all of them. */
+static inline __attribute__((always_inline)) void NAME(arrow_spread_at)(
+    const int H, const arrow *f, const horizon *x, int block, const double *rows, double *const *std)
+{
+    const int m = f->m, n = f->n, styles = m - 2, left = f->channels - block * LANES;
+    const double *A = f->states + (long)block * f->rows * LANES, *V = A + LANES * n * m;
+    const double *constants = V + LANES * (TRI(n, 0) + n + m + n + 2);
+    v4 g[MOST][H][2], total[H][2];
+    for (int h = 0; h < H; h++)
+        for (int k = 0; k < 2; k++) {
+            const v4 *bases = (const v4 *)(rows + (long)h * (1 + styles) * f->width) + (1 + styles) * (2 * block + k);
+            const horizon *at = x + h;
+            const v4 slope = bases[0];
+            v4 sum = CROW(constants, 0)[k] + at->q_offset * CROW(constants, 1)[k]
+                + at->q_fast * CROW(constants, 2)[k] + at->q_personal * CROW(constants, 3)[k]
+                + at->wander * slope * slope;
+            g[0][h][k] = slope;
+            g[1][h][k] = at->ahead * slope;
+            for (int j = 0; j < styles; j++) {
+                const v4 value = bases[1 + j];
+                sum += (1 - at->rho * at->rho) * value * value;
+                g[2 + j][h][k] = at->rho * value;
+            }
+            total[h][k] = sum;
+        }
+    for (int i = 0; i < m; i++) {
+        v4 t[H][2];
+        for (int h = 0; h < H; h++)
+            EACH t[h][k] = g[i][h][k];
+        for (int a = 0; a < n; a++) {
+            const v4 *x0 = CROW(A, a * m + i);
+            for (int h = 0; h < H; h++)
+                EACH t[h][k] += x[h].s[a] * x0[k];
+        }
+        for (int h = 0; h < H; h++)
+            EACH g[i][h][k] = t[h][k];
+    }
+    for (int i = 0; i < m; i++) {  /* g^T P g with P = C C^T */
+        v4 t[H][2];
+        for (int h = 0; h < H; h++)
+            EACH t[h][k] = f->factor[i * m + i] * g[i][h][k];
+        for (int j = i + 1; j < m; j++) {
+            const double c = f->factor[j * m + i];
+            for (int h = 0; h < H; h++)
+                EACH t[h][k] += c * g[j][h][k];
+        }
+        for (int h = 0; h < H; h++)
+            EACH total[h][k] += t[h][k] * t[h][k];
+    }
+    for (int a = 0; a < n; a++) {
+        v4 t[H][2];
+        for (int h = 0; h < H; h++)
+            EACH t[h][k] = (v4){};
+        for (int b = 0; b < a; b++) {
+            const v4 *x0 = CROW(V, TRI(a, b));
+            for (int h = 0; h < H; h++)
+                EACH t[h][k] += x[h].s[b] * x0[k];
+        }
+        for (int h = 0; h < H; h++)
+            EACH total[h][k] += x[h].s[a] * (2 * t[h][k] + x[h].s[a] * CROW(V, TRI(a, a))[k]);
+    }
+    for (int h = 0; h < H; h++)
+        EACH NAME(put)(std[h] + block * LANES + LANES / 2 * k, NAME(root)(total[h][k]), left - LANES / 2 * k);
 }
 
 /* Standard deviation at some of the times ahead: std[k] (D,) belongs to x[k] and the rows arrow_mean left there. */
 static void NAME(arrow_spread)(const arrow *f, const horizon *x, int count, const double *rows, double *const *std)
 {
-    const int m = f->m, n = f->n, styles = m - 2;
+    const long size = (long)(f->m - 1) * f->width;
     for (int block = 0; block < f->blocks; block++) {
-        const double *A = f->states + (long)block * f->rows * LANES, *V = A + LANES * n * m;
-        const double *constants = V + LANES * (TRI(n, 0) + n + m + n + 2);
-        const int left = f->channels - block * LANES;
-        for (int h = 0; h < count; h++) {
-            const horizon *at = x + h;
-            const v4 *bases = (const v4 *)(rows + (1 + styles) * (h * f->width + block * LANES));
-            v4 g[MOST][2], total[2];
-            EACH {
-                v4 slope = bases[k];
-                total[k] = CROW(constants, 0)[k] + at->q_offset * CROW(constants, 1)[k]
-                    + at->q_fast * CROW(constants, 2)[k] + at->q_personal * CROW(constants, 3)[k]
-                    + at->wander * slope * slope;
-                g[0][k] = slope;
-                g[1][k] = at->ahead * slope;
-            }
-            for (int j = 0; j < styles; j++)
-                EACH {
-                    v4 value = bases[2 * (1 + j) + k];
-                    total[k] += (1 - at->rho * at->rho) * value * value;
-                    g[2 + j][k] = at->rho * value;
-                }
-            for (int i = 0; i < m; i++) {
-                v4 t[2];
-                EACH t[k] = g[i][k];
-                for (int a = 0; a < n; a++)
-                    EACH t[k] += at->s[a] * CROW(A, a * m + i)[k];
-                EACH g[i][k] = t[k];
-            }
-            for (int i = 0; i < m; i++) {  /* g^T P g with P = C C^T */
-                v4 t[2] = {};
-                for (int j = i; j < m; j++)
-                    EACH t[k] += f->factor[j * m + i] * g[j][k];
-                EACH total[k] += t[k] * t[k];
-            }
-            for (int a = 0; a < n; a++) {
-                v4 t[2] = {};
-                for (int b = 0; b < a; b++)
-                    EACH t[k] += at->s[b] * CROW(V, TRI(a, b))[k];
-                EACH total[k] += at->s[a] * (2 * t[k] + at->s[a] * CROW(V, TRI(a, a))[k]);
-            }
-            NAME(root)(total);
-            NAME(put)(std[h] + block * LANES, total, left);
-        }
+        int h = 0;
+        for (; h + 3 <= count; h += 3)
+            NAME(arrow_spread_at)(3, f, x + h, block, rows + h * size, std + h);
+        for (; h < count; h++)
+            NAME(arrow_spread_at)(1, f, x + h, block, rows + h * size, std + h);
     }
 }
 
 /* Sums of the EKF over phase and velocity. */
 static void NAME(paper_sense)(paper *f, const cubic *at, double extra, const double *y, const unsigned char *observed)
 {
-    v4 information = {}, score = {}, squares = {};
+    v4 information = {}, score = {}, squares = {}, h[8];
     f->logs = 0;
+    NAME(spread_weights)(at, h);
     for (int block = 0; block < f->blocks; block++) {
-        v4 p[2] = {}, q[2] = {}, r[2] = {}, s[2] = {}, total[2];
-        v4 *seen = ROW(f->seen, block), *clean = ROW(f->clean, block);
+        v4 total[2], *seen = ROW(f->seen, block), *clean = ROW(f->clean, block);
         if (!NAME(take)(y + block * LANES, observed + block * LANES, f->channels - block * LANES, clean, seen))
             continue;
-        const cell *here = at->here + 2 * LANES * f->count * block, *next = at->next + 2 * LANES * f->count * block;
-        for (int j = 0; j < f->count; j++) {
-            const double w = f->w[j];
-            EACH {
-                p[k] += w * VALUE(here, j, k);
-                q[k] += w * SLOPE(here, j, k);
-                r[k] += w * VALUE(next, j, k);
-                s[k] += w * SLOPE(next, j, k);
+        for (int k = 0; k < 2; k++) {
+            const cell *here = at->here + 2 * LANES * f->count * block + LANES / 2 * k;
+            const cell *next = at->next + 2 * LANES * f->count * block + LANES / 2 * k;
+            v4 p = {}, q = {}, r = {}, s = {};
+            for (int j = 0; j < f->count; j++) {
+                const double w = f->w[j];
+                p += w * VALUE(here, j);
+                q += w * SLOPE(here, j);
+                r += w * VALUE(next, j);
+                s += w * SLOPE(next, j);
             }
-        }
-        EACH {
-            v4 mean = (at->h[0] * p[k] + at->h[1] * q[k]) + (at->h[2] * r[k] + at->h[3] * s[k]);
-            v4 slope = (at->h[4] * p[k] + at->h[5] * q[k]) + (at->h[6] * r[k] + at->h[7] * s[k]);
-            v4 variance = CROW(f->noise, block)[k] + extra, error = clean[k] - mean, inverse = seen[k] / variance;
+            const v4 mean = (h[0] * p + h[1] * q) + (h[2] * r + h[3] * s);
+            const v4 slope = (h[4] * p + h[5] * q) + (h[6] * r + h[7] * s);
+            const v4 variance = CROW(f->noise, block)[k] + extra, error = clean[k] - mean;
+            const v4 inverse = seen[k] / variance;
             information += slope * slope * inverse;
             score += slope * error * inverse;
             squares += error * error * inverse;
@@ -392,7 +425,8 @@ static void NAME(paper_sense)(paper *f, const cubic *at, double extra, const dou
 static void NAME(paper_learn)(paper *f, const cubic *at)
 {
     const int J = f->count, half = TRI(J, 0);
-    v4 *sums = (v4 *)f->sums;
+    v4 *sums = (v4 *)f->sums, h[8];
+    NAME(spread_weights)(at, h);
     memset(sums, 0, (2 * half + J) * sizeof(v4));
     for (int block = 0; block < f->blocks; block++) {
         const v4 *seen = CROW(f->seen, block), *clean = CROW(f->clean, block), *noise = CROW(f->noise, block);
@@ -401,8 +435,9 @@ static void NAME(paper_learn)(paper *f, const cubic *at)
         for (int i = 0; i < J; i++) {
             v4 t[2], z[2];
             EACH {
-                value[i][k] = (at->h[0] * VALUE(here, i, k) + at->h[1] * SLOPE(here, i, k))
-                    + (at->h[2] * VALUE(next, i, k) + at->h[3] * SLOPE(next, i, k));
+                const int lane = LANES / 2 * k;
+                value[i][k] = (h[0] * VALUE(here + lane, i) + h[1] * SLOPE(here + lane, i))
+                    + (h[2] * VALUE(next + lane, i) + h[3] * SLOPE(next + lane, i));
                 t[k] = seen[k] * value[i][k];
                 z[k] = t[k] * noise[k];
             }
@@ -420,39 +455,33 @@ static void NAME(paper_ahead)(const paper *f, const cubic *at, double extra, dou
                               double *mean, double *std, double *velocity)
 {
     const int J = f->count;
-    for (int block = 0; block < f->blocks; block++) {
-        const int left = f->channels - block * LANES;
-        v4 value[MOST][2], row[2] = {}, p[2] = {}, q[2] = {}, r[2] = {}, s[2] = {}, total[2];
-        const cell *here = at->here + 2 * LANES * J * block, *next = at->next + 2 * LANES * J * block;
+    v4 h[8];
+    NAME(spread_weights)(at, h);
+    for (int half = 0; half < 2 * f->blocks; half++) {
+        const int block = half / 2, lane = LANES / 2 * (half % 2), left = f->channels - LANES / 2 * half;
+        const cell *here = at->here + 2 * LANES * J * block + lane, *next = at->next + 2 * LANES * J * block + lane;
+        v4 value[MOST], total = *((const v4 *)f->noise + half) + extra, p = {}, q = {}, r = {}, s = {};
         for (int j = 0; j < J; j++) {
+            const v4 p0 = VALUE(here, j), q0 = SLOPE(here, j), r0 = VALUE(next, j), s0 = SLOPE(next, j);
             const double w = f->w[j];
-            EACH {
-                const v4 p0 = VALUE(here, j, k), q0 = SLOPE(here, j, k);
-                const v4 r0 = VALUE(next, j, k), s0 = SLOPE(next, j, k);
-                value[j][k] = (at->h[0] * p0 + at->h[1] * q0) + (at->h[2] * r0 + at->h[3] * s0);
-                row[k] += w * value[j][k];
-                p[k] += w * p0;
-                q[k] += w * q0;
-                r[k] += w * r0;
-                s[k] += w * s0;
-            }
+            value[j] = (h[0] * p0 + h[1] * q0) + (h[2] * r0 + h[3] * s0);
+            p += w * p0;
+            q += w * q0;
+            r += w * r0;
+            s += w * s0;
         }
-        EACH {
-            v4 slope = (at->h[4] * p[k] + at->h[5] * q[k]) + (at->h[6] * r[k] + at->h[7] * s[k]);
-            total[k] = CROW(f->noise, block)[k] + extra + phase_variance * slope * slope;
-            p[k] = speed * slope;
-        }
+        const v4 slope = (h[4] * p + h[5] * q) + (h[6] * r + h[7] * s);
+        total += phase_variance * slope * slope;
         for (int i = 0; i < J; i++) {
-            v4 t[2] = {};
-            for (int j = 0; j <= i; j++)
-                EACH t[k] += f->spread[i * J + j] * value[j][k];
-            EACH total[k] += t[k] * value[i][k];
+            v4 t = f->spread[i * J] * value[0];
+            for (int j = 1; j <= i; j++)
+                t += f->spread[i * J + j] * value[j];
+            total += t * value[i];
         }
-        NAME(root)(total);
-        NAME(put)(mean + block * LANES, row, left);
-        NAME(put)(std + block * LANES, total, left);
+        NAME(put)(mean + LANES / 2 * half, (h[0] * p + h[1] * q) + (h[2] * r + h[3] * s), left);
+        NAME(put)(std + LANES / 2 * half, NAME(root)(total), left);
         if (velocity)
-            NAME(put)(velocity + block * LANES, p, left);
+            NAME(put)(velocity + LANES / 2 * half, speed * slope, left);
     }
 }
 
@@ -486,6 +515,8 @@ static double NAME(glance_score)(const glance *f, const int *node)
 #undef EACH
 #undef ROW
 #undef CROW
+#undef HALF
+#undef CHALF
 #undef VALUE
 #undef SLOPE
 #undef TRI
