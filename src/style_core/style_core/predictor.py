@@ -16,7 +16,7 @@ class Status(enum.IntEnum):
     LOST = 2
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Estimate:
     """What a predictor believes after one update.
 
@@ -60,8 +60,16 @@ class Estimate:
     status: Status
     behaviours: Mapping[str, float] = field(default_factory=dict)
 
+    def __init__(self, time, phase, phase_velocity, phase_covariance, style, style_covariance, mean, std, observed,
+                 innovation, log_likelihood, status, behaviours=None):
+        if behaviours is None:
+            behaviours = {}
+        values = locals()  # all at once: one after the other takes as long as a filter's update
+        del values['self']
+        self.__dict__.update(values)
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, init=False)
 class Prediction:
     """Future poses.
 
@@ -77,6 +85,9 @@ class Prediction:
     mean: np.ndarray
     std: np.ndarray
     velocity: np.ndarray
+
+    def __init__(self, times, mean, std, velocity):
+        self.__dict__.update(times=times, mean=mean, std=std, velocity=velocity)
 
 
 class OnlinePredictor(Protocol):

@@ -1,9 +1,7 @@
 """Checking one observation after the other against the protocol of `style_core.predictor`."""
-import math
-
 import numpy as np
 
-from libc.math cimport fabs
+from libc.math cimport fabs, isfinite
 
 __all__ = ['ObservationGate']
 
@@ -58,15 +56,15 @@ cdef class ObservationGate:
         cdef double dt = 0
         cdef const double[:] given
         cdef const unsigned char[:] used
-        time = float(time)
-        if not math.isfinite(time):
+        cdef double now = time
+        if not isfinite(now):
             raise ValueError(f'time must be finite, got {time}')
         if self.time is not None:
-            if not time > self.time:
-                raise ValueError(f'time must increase: got {time!r} s after {self.time!r} s')
-            dt = time - self.time
+            dt = now - <double>self.time
+            if not dt > 0:
+                raise ValueError(f'time must increase: got {now!r} s after {self.time!r} s')
         y = np.asarray(y, dtype=float)
-        if y.shape != (self._channels,):
+        if y.ndim != 1 or len(y) != self._channels:
             raise ValueError(f'observation must have shape ({self._channels},), got {y.shape}')
         given = y
         for d in range(self._channels):
@@ -80,5 +78,5 @@ cdef class ObservationGate:
         for d in range(self._channels):
             self._y[d] = given[d]
             self._observed[d] = given[d] == given[d] and (mask is None or used[d])
-        self.time = time
+        self.time = now
         return dt

@@ -12,7 +12,7 @@ import numpy as np
 
 from libc.math cimport INFINITY, NAN, cos, exp, floor, log, sin, sqrt
 from libc.stdint cimport uintptr_t
-from libc.string cimport memset
+from libc.string cimport memcmp, memset
 
 cdef extern from "blocks.h":
     enum: LANES, MOST
@@ -75,6 +75,12 @@ cdef extern from "blocks.h":
     double glance_score(const glance*, const int*) noexcept nogil
     void between(double, const double*, const double*, double*, int) noexcept nogil
     void stretch(double, double*, int) noexcept nogil
+
+#: Time ahead and what is left of style, offset, personal cycle and fast residual after it.
+cdef struct pace:
+    double ahead, style, offset, personal, fast
+
+cdef object empty = np.empty
 
 cdef double TWO_PI = 6.283185307179586
 #: Distance of the samples that the noise is a variance of, s: at higher rates it stays as dense in time.
@@ -238,6 +244,34 @@ cdef class Table:
                 value[j, d] = (at.h[0] * p + at.h[1] * q) + (at.h[2] * r + at.h[3] * s)
                 slope[j, d] = (at.h[4] * p + at.h[5] * q) + (at.h[6] * r + at.h[7] * s)
         return np.asarray(value), np.asarray(slope)
+
+
+cdef class Sheet:
+    """Arrays of an estimate, in one piece of memory."""
+
+    cdef object memory
+    cdef int J, D
+    cdef double *phases     # covariance of phase and velocity (2, 2)
+    cdef double *style      # (J,)
+    cdef double *covariance  # (J, J)
+    cdef double *mean       # (D,)
+    cdef double *std        # (D,)
+
+    def __cinit__(self, int J, int D):
+        cdef double[::1] memory
+        self.J, self.D = J, D
+        self.memory = memory = empty(4 + J + J * J + 2 * D)
+        self.phases = &memory[0]
+        self.style = self.phases + 4
+        self.covariance = self.style + J
+        self.mean = self.covariance + J * J
+        self.std = self.mean + D
+
+    cdef tuple parts(self):
+        cdef int J = self.J, D = self.D, k = 4 + J + J * J
+        memory = self.memory
+        return (memory[:4].reshape(2, 2), memory[4:4 + J], memory[4 + J:k].reshape(J, J), memory[k:k + D],
+                memory[k + D:])
 
 
 cdef class PaperFilter:
@@ -412,37 +446,40 @@ cdef class PaperFilter:
         mean, std, velocity : ndarray, shape (H, D)
             Filled in.
         """
-        cdef int h
         check(horizons)
+        if horizons.shape[0]:
+            self._predict(horizons, &mean[0, 0], &std[0, 0], &velocity[0, 0])
+
+    cdef void _predict(self, const double[::1] horizons, double* mean, double* std, double* velocity) noexcept nogil:
+        cdef long h, D = self.channels
         self._pair_spread()
         for h in range(horizons.shape[0]):
-            self._ahead(horizons[h], &mean[h, 0], &std[h, 0], &velocity[h, 0])
+            self._ahead(horizons[h], mean + h * D, std + h * D, velocity + h * D)
 
     def ahead(self, const double[::1] horizons):
         """`predict` into new arrays: mean, std and velocity."""
-        out = np.empty((3, horizons.shape[0], self.channels))
-        mean, std, velocity = out
-        self.predict(horizons, mean, std, velocity)
-        return mean, std, velocity
+        cdef long H = horizons.shape[0]
+        check(horizons)
+        out = empty((3, H, self.channels))
+        cdef double[:, :, ::1] memory = out
+        if H:
+            self._predict(horizons, &memory[0, 0, 0], &memory[1, 0, 0], &memory[2, 0, 0])
+        return out[0], out[1], out[2]
 
     def describe(self):
         """Covariance of phase and velocity (2, 2), style (J,), its covariance (J, J), filtered pose and its standard
         deviation, each (D,)."""
-        cdef int i, j
-        phases, styles, pose, spread = np.empty((2, 2)), np.empty(self.count), np.empty(self.channels), \
-            np.empty(self.channels)
-        covariance = np.empty((self.count, self.count))
-        cdef double[:, ::1] phase = phases, style_covariance = covariance
-        cdef double[::1] style = styles, mean = pose, std = spread
-        phase[0, 0], phase[0, 1], phase[1, 0], phase[1, 1] = self.p00, self.p01, self.p01, self.p11
-        for i in range(self.count):
-            style[i] = self.f.w[i]
-            for j in range(self.count):
-                style_covariance[i, j] = INFINITY if self.learning_rate == 0 \
+        cdef int i, j, J = self.count, D = self.channels
+        cdef Sheet sheet = Sheet(J, D)
+        sheet.phases[0], sheet.phases[1], sheet.phases[2], sheet.phases[3] = self.p00, self.p01, self.p01, self.p11
+        for i in range(J):
+            sheet.style[i] = self.f.w[i]
+            for j in range(J):
+                sheet.covariance[i * J + j] = INFINITY if self.learning_rate == 0 \
                     else 0.5 * (self.spread[i, j] + self.spread[j, i])
         self._pair_spread()
-        self._ahead(0, &mean[0], &std[0], NULL)
-        return phases, styles, covariance, pose, spread
+        self._ahead(0, sheet.mean, sheet.std, NULL)
+        return sheet.parts()
 
     cdef void _pair_spread(self) noexcept nogil:
         """Both halves of the style's covariance in the lower one."""
@@ -501,6 +538,8 @@ cdef class ArrowFilter:
     cdef arrow f
     cdef horizon times[9]
     cdef double[::1] memory, sums, rows
+    cdef double[::1] horizons, paces    # of the last prediction; `planned` of them count
+    cdef long planned
     cdef double[::1] c, age, work
     cdef double[:, ::1] P, precision, matrix, factor
     cdef int turn
@@ -538,6 +577,7 @@ cdef class ArrowFilter:
         self.age = np.zeros(max(self.styles, 1))
         self.P, self.precision, self.matrix, self.factor = (np.zeros((m, m)) for _ in range(4))
         self.turn = 0
+        self.planned = 0
         self.start(0.0, 0.5 * (self.lowest + self.highest), 1.0, 1.0)
 
     def _row(self, row):
@@ -615,18 +655,15 @@ cdef class ArrowFilter:
         """
         cdef int i, j, k, J = self.styles
         cdef double total
-        phases, styles, covariances = np.empty((2, 2)), np.empty(J), np.empty((J, J))
-        pose, spread = np.empty(self.channels), np.empty(self.channels)
-        cdef double[:, ::1] phase = phases, covariance = covariances
-        cdef double[::1] style = styles, mean = pose, std = spread
-        cdef double* where = &std[0]
+        cdef pace pace
+        cdef Sheet sheet = Sheet(J, self.channels)
         for i in range(2):
             for j in range(2):
-                phase[i, j] = self.P[i, j]
+                sheet.phases[2 * i + j] = self.P[i, j]
         for i in range(J):
-            style[i] = centre[i]
+            sheet.style[i] = centre[i]
             for k in range(J):
-                style[i] += root[i, k] * self.c[2 + k]
+                sheet.style[i] += root[i, k] * self.c[2 + k]
         for i in range(J):
             for j in range(J):
                 total = 0
@@ -638,14 +675,15 @@ cdef class ArrowFilter:
                 total = 0
                 for k in range(J):
                     total += root[i, k] * self.matrix[k, j]
-                covariance[i, j] = total
+                sheet.covariance[i * J + j] = total
         if not self.rooted and self._root():
             raise ArithmeticError('what was observed is too far from anything the model can represent')
-        self._ahead(0, self.times)
-        arrow_mean(&self.f, self.times, &mean[0], NULL, &self.rows[0])
-        arrow_spread(&self.f, self.times, 1, &self.rows[0], &where)
-        stretch(scale, where, self.channels)
-        return self.c[0], self.c[1], phases, styles, covariances, pose, spread
+        self._decays(0, &pace)
+        self._ahead(&pace, self.times)
+        arrow_mean(&self.f, self.times, sheet.mean, NULL, &self.rows[0])
+        arrow_spread(&self.f, self.times, 1, &self.rows[0], &sheet.std)
+        stretch(scale, sheet.std, self.channels)
+        return self.c[0], self.c[1], *sheet.parts()
 
     @property
     def residuals(self):
@@ -873,50 +911,71 @@ cdef class ArrowFilter:
         scale : ndarray, shape (H,), optional
             Factor on the standard deviation.
         """
-        cdef int h, k, i, H = horizons.shape[0], last = -1, slot = 0
-        cdef int knots = H if H <= KNOTS else KNOTS
-        cdef long size = (1 + self.styles) * self.table.width
-        cdef double* where[9]
-        cdef double* rows
+        self._plan(horizons)
+        if horizons.shape[0]:
+            self._predict(horizons, &mean[0, 0], &std[0, 0], &velocity[0, 0], scale)
+
+    cdef int _plan(self, const double[::1] horizons) except -1:
+        """Get ready for a prediction; what depends on the horizons alone is kept for the next one."""
+        cdef long h, H = horizons.shape[0]
         if not self.rooted and self._root():
             raise ArithmeticError('what was observed is too far from anything the model can represent')
+        if H == self.planned and (H == 0 or memcmp(&horizons[0], &self.horizons[0], H * sizeof(double)) == 0):
+            return 0
         check(horizons)
+        self.planned = 0
+        if self.horizons is None or self.horizons.shape[0] < H:
+            self.horizons, self.paces = np.empty(H), np.empty(H * sizeof(pace) // sizeof(double))
+        for h in range(H):
+            self.horizons[h] = horizons[h]
+            self._decays(horizons[h], <pace*>&self.paces[0] + h)
+        self.planned = H
+        return 0
+
+    cdef void _predict(self, const double[::1] horizons, double* mean, double* std, double* velocity,
+                       const double[::1] scale) noexcept nogil:
+        cdef int h, k, i, H = horizons.shape[0], last = -1, slot = 0
+        cdef int knots = H if H <= KNOTS else KNOTS
+        cdef long D = self.channels, size = (1 + self.styles) * self.table.width
+        cdef double* where[9]
+        cdef const pace* paces = <pace*>&self.paces[0]
         for h in range(1, H):
             if horizons[h] < horizons[h - 1]:
                 knots = H
-        with nogil:
-            k = 0
+        k = 0
+        for h in range(H):
+            self._ahead(paces + h, &self.times[slot])
+            if h == (k * (H - 1) // (knots - 1) if knots > 1 else 0):
+                k += 1
+                where[slot] = std + h * D
+                arrow_mean(&self.f, &self.times[slot], mean + h * D, velocity + h * D, &self.rows[slot * size])
+                slot += 1
+                if slot == KNOTS or h == H - 1:
+                    arrow_spread(&self.f, self.times, slot, &self.rows[0], where)
+                    slot = 0
+            else:
+                arrow_mean(&self.f, &self.times[slot], mean + h * D, velocity + h * D, NULL)
+        if knots < H:
+            last = 0
+            for k in range(1, knots):
+                h = k * (H - 1) // (knots - 1)
+                for i in range(last + 1, h):
+                    between((horizons[i] - horizons[last]) / (horizons[h] - horizons[last]), std + last * D,
+                            std + h * D, std + i * D, D)
+                last = h
+        if scale is not None:
             for h in range(H):
-                self._ahead(horizons[h], &self.times[slot])
-                if h == (k * (H - 1) // (knots - 1) if knots > 1 else 0):
-                    k += 1
-                    rows = &self.rows[slot * size]
-                    where[slot] = &std[h, 0]
-                    arrow_mean(&self.f, &self.times[slot], &mean[h, 0], &velocity[h, 0], rows)
-                    slot += 1
-                    if slot == KNOTS or h == H - 1:
-                        arrow_spread(&self.f, self.times, slot, &self.rows[0], where)
-                        slot = 0
-                else:
-                    arrow_mean(&self.f, &self.times[slot], &mean[h, 0], &velocity[h, 0], NULL)
-            if knots < H:
-                last = 0
-                for k in range(1, knots):
-                    h = k * (H - 1) // (knots - 1)
-                    for i in range(last + 1, h):
-                        between((horizons[i] - horizons[last]) / (horizons[h] - horizons[last]), &std[last, 0],
-                                &std[h, 0], &std[i, 0], self.channels)
-                    last = h
-            if scale is not None:
-                for h in range(H):
-                    stretch(scale[h], &std[h, 0], self.channels)
+                stretch(scale[h], std + h * D, D)
 
     def ahead(self, const double[::1] horizons, const double[::1] scale=None):
         """`predict` into new arrays: mean, std and velocity."""
-        out = np.empty((3, horizons.shape[0], self.channels))
-        mean, std, velocity = out
-        self.predict(horizons, mean, std, velocity, scale)
-        return mean, std, velocity
+        cdef long H = horizons.shape[0]
+        self._plan(horizons)
+        out = empty((3, H, self.channels))
+        cdef double[:, :, ::1] memory = out
+        if H:
+            self._predict(horizons, &memory[0, 0, 0], &memory[1, 0, 0], &memory[2, 0, 0], scale)
+        return out[0], out[1], out[2]
 
     cdef int _root(self) noexcept nogil:
         cdef int i, j, m = self.common
@@ -926,12 +985,17 @@ cdef class ArrowFilter:
         self.rooted = cholesky(self.f.factor, m) == 0
         return not self.rooted
 
-    cdef void _ahead(self, double ahead, horizon* x) noexcept nogil:
+    cdef void _decays(self, double ahead, pace* x) noexcept nogil:
+        """What is left of today's states after a time."""
+        x.ahead = ahead
+        x.style, x.offset = exp(-self.style_rate * ahead), exp(-self.offset_rate * ahead)
+        x.personal, x.fast = exp(-self.personal_rate * ahead), exp(-self.fast_rate * ahead)
+
+    cdef void _ahead(self, const pace* p, horizon* x) noexcept nogil:
         """Where a time ahead looks the table up, and how today's states enter it."""
         cdef int j
+        cdef double ahead = p.ahead, rho = p.style, g0 = p.offset, gp = p.personal, decay = p.fast
         cdef double phase = self.c[0] + ahead * self.c[1], r2 = self.fast_rate * self.fast_rate
-        cdef double rho = exp(-self.style_rate * ahead), g0 = exp(-self.offset_rate * ahead)
-        cdef double gp = exp(-self.personal_rate * ahead), decay = exp(-self.fast_rate * ahead)
         x.speed = self.c[1]
         if not self.table.rhythmic and (phase >= 1 or phase <= 0):
             phase = 1 if phase >= 1 else 0

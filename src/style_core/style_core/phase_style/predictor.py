@@ -63,7 +63,6 @@ class FullPredictor:
         # one is what these variances promise; three times a lower median called steady walks lost
         self._monitor = InnovationMonitor(usual=(1.0, 1.0))
         self._bands = Bands(behaviours, 'calibration' not in without)
-        self._present = np.zeros(1)
         self.reset()
 
     def reset(self):
@@ -142,12 +141,12 @@ class FullPredictor:
         else:
             index, one = leader.behaviour, leader.filter
             innovation, log_likelihood = one.innovation, one.log_likelihood
-        scale = self._bands.factor(index, self._present)
-        even = scale.ndim == 1
+        scale = self._bands.present(index)
+        even = isinstance(scale, float)
         phase, speed, covariance, style, style_covariance, mean, std = one.describe(
-            *self._priors[index], float(scale[0]) if even else 1.0)
+            *self._priors[index], scale if even else 1.0)
         if not even:
-            std *= scale[0]
+            std *= scale
         return Estimate(
             time=self._gate.time, phase=phase, phase_velocity=speed, phase_covariance=covariance, style=style,
             style_covariance=style_covariance, mean=mean, std=std, observed=self._gate.flags(),

@@ -1,5 +1,5 @@
 """What every on-line predictor here shares: how long a silence may be, and the innovation statistic."""
-import math
+from libc.math cimport copysign, exp, isnan
 
 __all__ = ['InnovationMonitor', 'GAP_S']
 
@@ -7,7 +7,7 @@ __all__ = ['InnovationMonitor', 'GAP_S']
 GAP_S = 1.0
 
 
-class InnovationMonitor:
+cdef class InnovationMonitor:
     """Tell when a filter no longer explains what it sees.
 
     The innovation per channel is averaged over ``window_s``. Three times the running median of these averages is a
@@ -22,29 +22,37 @@ class InnovationMonitor:
         Range of medians to believe; the upper may be infinite.
     """
 
+    cdef double window_s, factor, low, high, level, median
+    cdef bint started
+
     def __init__(self, window_s=0.1, factor=3.0, usual=(0.3, 1.0)):
-        self._window_s, self._factor, self._usual = window_s, factor, usual
+        self.window_s, self.factor = window_s, factor
+        self.low, self.high = usual
         self.reset()
 
     def reset(self):
         """Forget everything."""
-        self.level = None
-        self.median = None
+        self.started = False
+        self.level = 0
+        self.median = self.high
 
     @property
     def limit(self):
         """Average innovation above which the filter is lost."""
-        low, high = self._usual
-        return self._factor * min(max(self.median if self.median is not None else high, low), high)
+        return self._limit()
 
-    def add(self, innovation, dt):
+    cdef double _limit(self):
+        return self.factor * min(max(self.median, self.low), self.high)
+
+    def add(self, double innovation, double dt):
         """Take one innovation statistic; returns True while it is out of bounds."""
-        if math.isnan(innovation):
+        if isnan(innovation):
             return False
-        if self.level is None:
+        if not self.started:
+            self.started = True
             self.level, self.median = innovation, innovation
             return False
-        self.level += (1 - math.exp(-dt / self._window_s)) * (innovation - self.level)
+        self.level += (1 - exp(-dt / self.window_s)) * (innovation - self.level)
         # a running median: up and down by the same share of itself
-        self.median *= math.exp(math.copysign(0.6 * min(dt, 0.5), self.level - self.median))
-        return self.level > self.limit
+        self.median *= exp(copysign(0.6 * min(dt, 0.5), self.level - self.median))
+        return self.level > self._limit()
