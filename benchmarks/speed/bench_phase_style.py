@@ -1,15 +1,18 @@
 #!/usr/bin/env python3
 """Speed of the on-line predictors, beside peers in the same run. Needs no recordings: the gait is made.
 
-One step is an update with one observation plus a prediction of 25 points with standard deviation. All on one core;
-methods take turns for several rounds, and beside medians and 99th percentiles of all rounds stands the best round,
-which other work on the machine disturbs least. The bars: at 56 joints and 4 styles the published method in 50 us, the
-full filter in 100 us at the median and 250 us at the 99th percentile, restarts included; cost linear in joints and
-styles.
+One step is an update with one observation plus a prediction of 25 points with standard deviation. All on one core.
+A method goes through the recording in a row, as in use; the passes of all methods take turns, and medians and 99th
+percentiles are those of all steps of all passes. Other work on the machine slows passes down: a fixed loop of
+arithmetic beside them shows by how much, and the best pass stands beside the median. A second table has the methods
+take turns frame by frame with 8 MB of other memory touched before every call, so that each finds its caches cold.
+The bars: at 56 joints and 4 styles the published method in 50 us, the full filter in 100 us at the median and 250 us
+at the 99th percentile, restarts included; cost linear in joints and styles.
 """
 import argparse
 import os
 import time
+from pathlib import Path
 
 for variable in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'):
     os.environ.setdefault(variable, '1')
@@ -20,11 +23,13 @@ from style_core.baselines.regression import LinearLeastSquares  # noqa: E402
 from style_core.phase_style import FullPredictor, PaperPredictor, Sequence  # noqa: E402
 from style_core.phase_style.kernel import Table  # noqa: E402
 from style_core.phase_style.learning import align, bases_from  # noqa: E402
+from style_core.phase_style.model import load_behaviours  # noqa: E402
 from style_core.phase_style.residual import learn_residual  # noqa: E402
 from style_core.phase_style.table import tabulate  # noqa: E402
 from style_core.predictor import Status  # noqa: E402
 
 AHEAD = np.arange(1, 26) / 60
+SHIPPED = Path(__file__).parents[2] / 'config/models/locomotion.npz'
 
 
 def people(joints, count, seconds, rng):
@@ -53,19 +58,41 @@ def model(joints, styles, seed=0):
     return learn_residual(behaviour, known, aligned, rounds=1), [one.y for one in unknown]
 
 
-def measure(predictor, y, warm=20):
-    """Time of every step in us, update and prediction, and the status after it."""
-    updates, predictions, status = [], [], []
-    for frame, row in enumerate(y):
-        begin = time.perf_counter()
-        estimate = predictor.update(frame / 60, row)
-        middle = time.perf_counter()
-        predictor.predict(AHEAD)
-        end = time.perf_counter()
-        updates.append(middle - begin)
-        predictions.append(end - middle)
-        status.append(getattr(estimate, 'status', Status.TRACKING))
-    return 1e6 * np.array(updates)[warm:], 1e6 * np.array(predictions)[warm:], np.array(status)[warm:]
+def shipped_walker(frames):
+    """The shipped model's behaviours, and a made walker with it: mean style at mean speed, posture and tremor."""
+    behaviours = load_behaviours(SHIPPED)
+    walk, rng = behaviours[0], np.random.default_rng(0)
+    table = Table(tabulate(walk.processes(), walk.rhythmic))
+    style, speed = walk.styles[walk.gaits == 0].mean(axis=0), walk.speeds[walk.gaits == 0, 0].mean()
+    y = np.array([style @ table.evaluate(speed * frame / 60)[0] for frame in range(frames)])
+    return behaviours, y + 0.02 * rng.standard_normal(y.shape[1]) + 0.002 * rng.standard_normal(y.shape)
+
+
+def step(predictor, frame, row):
+    """One update and one prediction: their times in us, and the status."""
+    begin = time.perf_counter()
+    estimate = predictor.update(frame / 60, row)
+    middle = time.perf_counter()
+    predictor.predict(AHEAD)
+    end = time.perf_counter()
+    return 1e6 * (middle - begin), 1e6 * (end - middle), getattr(estimate, 'status', Status.TRACKING)
+
+
+WARM = 20  # frames at the start of a pass that do not count
+
+
+def measure(predictor, y):
+    """Time of every step in us, (T, 2) of update and prediction, and the status after it."""
+    steps = [step(predictor, frame, row) for frame, row in enumerate(y)][WARM:]
+    return np.array([one[:2] for one in steps]), np.array([one[2] for one in steps])
+
+
+def fixed_loop():
+    """Time of a fixed piece of arithmetic without memory, us: how fast the machine is just now."""
+    begin, total = time.perf_counter(), 0
+    for k in range(2000):
+        total += k * k
+    return 1e6 * (time.perf_counter() - begin)
 
 
 class NaiveProcesses:
@@ -126,62 +153,102 @@ class FilterpyEkf:
         return mean, np.sqrt(self._noise + self._filter.P[0, 0] * slope ** 2)
 
 
-def interleaved(makers, y, rounds=4):
-    """Measure predictors in turn, several times: ``{name: (rounds, T, 2) us of update and prediction}``, status.
+def interleaved(makers, rounds=4):
+    """Measure predictors in whole passes that take turns.
 
-    On a busy machine some rounds are slow for everyone; the best round of each is what the machine can do.
+    Parameters
+    ----------
+    makers : dict of str to (callable, ndarray)
+        Makes the predictor; its observations.
+
+    Returns
+    -------
+    times : dict of str to ndarray, shape (rounds, T, 2)
+        Us of update and prediction.
+    status : dict of str to ndarray, shape (T,)
     """
     times, status = {name: [] for name in makers}, {}
     for _ in range(rounds):
-        for name, (make, frames) in makers.items():
-            update, predict, status[name] = measure(make(), y[:frames])
-            times[name].append(np.stack([update, predict], axis=1))
+        for name, (make, y) in makers.items():
+            found, status[name] = measure(make(), y)
+            times[name].append(found)
     return {name: np.array(found) for name, found in times.items()}, status
 
 
+def frame_by_frame(makers):
+    """Methods in turn at every frame, after 8 MB of other memory: ``{name: (T, 2) us}``."""
+    predictors = {name: make() for name, (make, _) in makers.items()}
+    times, other = {name: [] for name in makers}, np.zeros(1 << 20)
+    for frame in range(min(len(y) for _, y in makers.values())):
+        for name, (_, y) in makers.items():
+            np.add(other, 1.0, out=other)
+            begin = time.perf_counter()
+            predictors[name].update(frame / 60, y[frame])
+            middle = time.perf_counter()
+            np.add(other, 1.0, out=other)
+            again = time.perf_counter()
+            predictors[name].predict(AHEAD)
+            end = time.perf_counter()
+            times[name].append((1e6 * (middle - begin), 1e6 * (end - again)))
+    return {name: np.array(found)[WARM:] for name, found in times.items()}
+
+
 def best_round(times):
-    """The round with the lowest median of update and prediction together: (T, 2)."""
+    """The pass with the lowest median of update and prediction together: (T, 2)."""
     return times[np.argmin(np.median(times.sum(axis=2), axis=1))]
 
 
-def line(name, times, unit):
-    """One row: median and 99th percentile of all rounds, median of the best round, ratio of the best medians."""
-    both, best = times.sum(axis=2), best_round(times)
-    cells = [f'{np.median(part):8.1f}/{np.percentile(part, 99):8.1f}'
-             for part in (times[..., 0], times[..., 1], both)]
-    return (f'{name:28s} {"  ".join(cells)}  '
-            f'{np.median(best[:, 0]):7.1f} + {np.median(best[:, 1]):6.1f} = {np.median(best.sum(axis=1)):7.1f}  '
-            f'{np.median(best.sum(axis=1)) / unit:7.2f}')
+def columns(times):
+    """Median and 99th percentile of update, prediction and both."""
+    return '  '.join(f'{np.median(part):7.1f}/{np.percentile(part, 99):7.1f}'
+                     for part in (times[..., 0], times[..., 1], times.sum(axis=-1)))
+
+
+HEADER = f'{"update":>15s}  {"prediction":>15s}  {"both":>15s}'
 
 
 def print_peers(paper_model, full_model, y):
     """Update and prediction of all methods."""
     frames = len(y)
-    makers = {
-        'published method, 4 styles': (lambda: PaperPredictor(paper_model), frames),
-        'full filter, 4 styles': (lambda: FullPredictor([paper_model]), frames),
-        'full filter, 8 styles': (lambda: FullPredictor([full_model]), frames),
-        'recursive least squares': (lambda: LinearLeastSquares(paper_model.joint_names, np.zeros(56)), 120),
-        'filterpy EKF, our tables': (lambda: FilterpyEkf(paper_model), 120),
-        'processes evaluated anew': (lambda: NaiveProcesses(paper_model), 50),
+    shipped, walker = shipped_walker(frames)
+    joints = len(shipped[0].joint_names)
+    name = f'full, shipped model, J = {shipped[0].styles.shape[1]}, D = {joints}'
+    ours = {
+        'published method, J = 4': (lambda: PaperPredictor(paper_model), y),
+        'full filter, J = 4': (lambda: FullPredictor([paper_model]), y),
+        'full filter, J = 8': (lambda: FullPredictor([full_model]), y),
+        name: (lambda: FullPredictor(shipped), walker),
+    }
+    peers = {
+        'recursive least squares': (lambda: LinearLeastSquares(paper_model.joint_names, np.zeros(56)), y[:120]),
+        'filterpy EKF, our tables': (lambda: FilterpyEkf(paper_model), y[:120]),
+        'processes evaluated anew': (lambda: NaiveProcesses(paper_model), y[:50]),
     }
     try:
         FilterpyEkf(paper_model)
     except ImportError:
         print('filterpy is not installed: pip install filterpy to compare with it')
-        del makers['filterpy EKF, our tables']
-    times, _ = interleaved(makers, y)
-    unit = np.median(best_round(times['published method, 4 styles']).sum(axis=1))
-    print(f'{"56 joints, 25 points":28s} {"update":>17s}  {"prediction":>17s}  {"both":>17s}  '
-          f'{"best round, medians":>26s}  {"ratio":>7s}\n{"":28s} {"us, median/p99":>17s}')
+        del peers['filterpy EKF, our tables']
+    loops = [fixed_loop() for _ in range(200)]
+    times, _ = interleaved(ours | peers, rounds=8)
+    loops += [fixed_loop() for _ in range(200)]
+    first, unit = next(iter(ours)), np.median(times[next(iter(ours))].sum(axis=2))
+    print(f'{"56 joints, 25 points: us, median/p99":36s} {HEADER}  {"best pass":>9s}  {"ratio":>7s}')
     for name, found in times.items():
-        print(line(name, found, unit))
+        both = found.sum(axis=2)
+        print(f'{name:36s} {columns(found)}  {np.median(best_round(found).sum(axis=1)):9.1f}  '
+              f'{np.median(both) / unit:7.2f}')
+    print(f'(ratio: of the medians, to {first}; a fixed loop took {np.median(loops) / min(loops):.2f} times its best '
+          'at the median)')
+    print(f'\n{"cold caches: us, median/p99":36s} {HEADER}')
+    for name, found in frame_by_frame(ours).items():
+        print(f'{name:36s} {columns(found)}')
 
 
 def print_search(behaviour, unknown):
     """Another person, in another phase, every two seconds: what the search costs."""
     jumps = np.concatenate([unknown[k % 4][37 * k:37 * k + 120] for k in range(12)])
-    times, status = interleaved({'full': (lambda: FullPredictor([behaviour]), len(jumps))}, jumps, rounds=5)
+    times, status = interleaved({'full': (lambda: FullPredictor([behaviour]), jumps)}, rounds=5)
     # the same frames in every round: the lowest of each is its cost without what else ran on the machine
     lowest, searching = times['full'].min(axis=0), status['full'] != Status.TRACKING
     print(f'\nfull filter, a new person every two seconds; searching in {searching.mean():.0%} of the frames')
@@ -191,18 +258,19 @@ def print_search(behaviour, unknown):
     for name, share in (('all, 99th percentile', 99), ('all, highest', 100)):
         print(f'{name:28s} {np.percentile(lowest[:, 0], share):9.1f} '
               f'{np.percentile(lowest.sum(axis=1), share):9.1f}')
+    print(f'{"all steps of all rounds":28s} {HEADER}\n{"  median/99th percentile":28s} {columns(times["full"])}')
     usual, seeking = (np.median(lowest[chosen], axis=0) for chosen in (~searching, searching))
     print(f'{"searching / tracking":28s} {seeking[0] / usual[0]:9.2f} {seeking.sum() / usual.sum():9.2f}')
 
 
 def print_growth(title, models):
-    """Cost over joints or styles: median of the best round."""
+    """Cost over joints or styles: median of the best pass."""
     found = {}
     print(f'\n{title:>8s} {"paper us":>9s} {"full us":>9s}')
     for value, (one, seen) in models:
-        makers = {'paper': (lambda one=one: PaperPredictor(one), 160),
-                  'full': (lambda one=one: FullPredictor([one]), 160)}
-        times, _ = interleaved(makers, seen[0])
+        makers = {'paper': (lambda one=one: PaperPredictor(one), seen[0][:160]),
+                  'full': (lambda one=one: FullPredictor([one]), seen[0][:160])}
+        times, _ = interleaved(makers)
         found[value] = [np.median(best_round(times[name]).sum(axis=1)) for name in makers]
         print(f'{value:8d} {found[value][0]:9.1f} {found[value][1]:9.1f}')
     values = np.array(list(found))
