@@ -1,5 +1,4 @@
 """The real recordings that tests, experiments and benchmarks use where they are present."""
-import csv
 import os
 from functools import cache, lru_cache
 from pathlib import Path
@@ -10,6 +9,7 @@ import numpy as np
 from style_core.angles import continuous
 from style_core.errors import MotionError
 from style_core.formats import read_motion
+from style_core.formats.files import read_table
 from style_core.skeleton import read_skeleton
 
 __all__ = ['BODY', 'Trial', 'mocap_folder', 'labels', 'trials', 'trial_path', 'trial', 'skeleton', 'cmu8']
@@ -64,9 +64,9 @@ def labels():
 
 @lru_cache(maxsize=4)
 def _labels(folder):
-    with open(folder / 'labels.csv', newline='') as stream:
-        return tuple(Trial(row['trial'], row['file'], float(row['rate_hz']), int(row['frames']), row['action'],
-                           row['description']) for row in csv.DictReader(stream))
+    return tuple(Trial(row['trial'], row['file'], float(row['rate_hz']), int(row['frames']), row['action'],
+                       row['description']) for _, row in read_table(
+                     folder / 'labels.csv', ('trial', 'file', 'rate_hz', 'frames', 'action', 'description')))
 
 
 def trials(action=None, subject=None):

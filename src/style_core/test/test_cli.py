@@ -2,6 +2,7 @@
 import json
 import sys
 import types
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -71,8 +72,27 @@ def test_a_model_of_the_wrong_kind_or_none_is_one_clear_line(made_kind, model, t
     assert 'made model' in capsys.readouterr().err
     assert main(['predict', str(tmp_path / 'absent.npz')]) == 1
     assert 'does not exist' in capsys.readouterr().err
-    assert main(['predict', 'model.txt']) == 1
-    assert '.npz' in capsys.readouterr().err
+    for words in (['model.txt'], ['model.txt', 'walk.amc', '-o', 'out.csv']):
+        assert main(['predict', *words]) == 1
+        said = capsys.readouterr().err
+        assert said == 'motion-style predict: model.txt is not a model file: its name must end in .npz\n'
+
+
+def test_a_damaged_model_is_one_clear_line(made_kind, model, tmp_path, capsys):
+    """Whatever is damaged: the archive, the compressed arrays, the header."""
+    sound = Path(model).read_bytes()
+    rng = np.random.default_rng(0)
+    refused = 0
+    for _ in range(60):
+        damaged = bytearray(sound)
+        for place in rng.integers(0, len(sound), 4):
+            damaged[place] ^= 0xff
+        (tmp_path / 'damaged.npz').write_bytes(damaged)
+        status = main(['info', str(tmp_path / 'damaged.npz')])
+        said = capsys.readouterr().err
+        assert status == 0 or (status == 1 and said.startswith('motion-style info: ')), said
+        refused += status
+    assert refused > 30
 
 
 def test_info_shows_a_model(made_kind, model, capsys):

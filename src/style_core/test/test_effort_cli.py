@@ -78,6 +78,16 @@ def test_table_of_fragments(recordings, capsys):
     assert 'start_s' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize('content', [b'', b'\xff\xfe\x81', b'PK\x03\x04\0\0', b'fragment,file\na,b\n'])
+def test_table_of_fragments_that_is_none(tmp_path, capsys, content):
+    """Binary files, empty ones, columns that lack: one line, no traceback."""
+    table = tmp_path / 'table.csv'
+    table.write_bytes(content)
+    assert main(['train', 'effort', '--fragments', str(table), '-o', str(tmp_path / 'out.npz')]) == 1
+    said = capsys.readouterr().err
+    assert 'table.csv' in said and len(said.splitlines()) == 1
+
+
 def test_labels_are_collected_and_learned(recordings, capsys, monkeypatch):
     folder, motions = recordings
     assert train(folder, motions) == 0

@@ -16,6 +16,9 @@ def add_arguments(parser, argv):
     parser.add_argument('model', metavar='MODEL', help='model file (.npz), as motion-style train writes it')
     path = next((word for word in argv if word.endswith('.npz') and not word.startswith('-')), None)
     if path is None or not kinds:
+        words = [word for word in argv if not word.startswith('-')]
+        if words and not {'-h', '--help'} & set(argv):
+            raise ModelError(f'{words[0]} is not a model file: its name must end in .npz')
         parser.description = f'{COMMANDS[command][0].capitalize()}, with a model of one of the kinds below.'
         parser.epilog = '\n'.join(_explain(parser, kind, module) for kind, module in kinds.items())
         return
@@ -30,8 +33,6 @@ def add_arguments(parser, argv):
 
 def run(args):
     """Run the kind's module."""
-    if not hasattr(args, 'by_kind'):
-        raise ModelError(f'{args.model} is not a model file: its name must end in .npz')
     return args.by_kind(args)
 
 

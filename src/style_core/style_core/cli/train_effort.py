@@ -10,7 +10,6 @@ motion-style train effort --fragments fragments.csv --labels labels.csv -o dance
 A fragment is one unit of movement (a step, a leap, a gesture), and the library wants each of them in several manners.
 Which fragments show the same action is found by dynamic time warping, unless the column content says it.
 """
-import csv
 from pathlib import Path
 
 from tqdm import tqdm
@@ -22,6 +21,7 @@ from style_core.effort.labels import read_labels
 from style_core.effort.regression import METHODS
 from style_core.errors import MotionError, UsageError
 from style_core.formats import read_motion
+from style_core.formats.files import read_table
 from style_core.model_file import training_files
 from style_core.skeleton import read_skeleton
 
@@ -86,17 +86,12 @@ def run(args):
 
 def _table(path):
     folder, rows = Path(path).parent, []
-    with open(path, newline='') as stream:
-        table = csv.DictReader(stream)
-        missing = {'fragment', 'file', 'start_s', 'stop_s'} - set(table.fieldnames or ())
-        if missing:
-            raise MotionError(f'{path} lacks the column {", ".join(sorted(missing))}')
-        for row in table:
-            try:
-                start, stop = float(row['start_s']), float(row['stop_s'])
-            except (TypeError, ValueError):
-                raise MotionError(f'{path}, line {table.line_num}: start_s and stop_s must be numbers') from None
-            rows.append((row['fragment'], folder / (row['file'] or ''), start, stop, row.get('content') or ''))
+    for line, row in read_table(path, ('fragment', 'file', 'start_s', 'stop_s')):
+        try:
+            start, stop = float(row['start_s']), float(row['stop_s'])
+        except (TypeError, ValueError):
+            raise MotionError(f'{path}, line {line}: start_s and stop_s must be numbers') from None
+        rows.append((row['fragment'], folder / (row['file'] or ''), start, stop, row.get('content') or ''))
     if not rows:
         raise MotionError(f'{path} has no rows')
     return rows

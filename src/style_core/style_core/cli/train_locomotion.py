@@ -8,7 +8,6 @@ motion-style train locomotion recordings/*.amc --labels labels.csv -o gaits.npz
 No labels are needed to learn: recordings are grouped by how they move, and all are aligned to common phases. Missing
 values (NaN, gaps) in the recordings are marginalised.
 """
-import csv
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -16,8 +15,9 @@ from pathlib import Path
 from tqdm import tqdm
 
 from style_core.angles import continuous
-from style_core.errors import MotionError, UsageError
+from style_core.errors import UsageError
 from style_core.formats import read_motion
+from style_core.formats.files import read_table
 from style_core.locomotion.choose import choose_styles
 from style_core.locomotion.learn import learn
 from style_core.locomotion.model import save
@@ -104,11 +104,7 @@ def _counts(text):
 
 
 def _names(model, path):
-    try:
-        with open(path, newline='') as stream:
-            actions = {row['trial']: row['action'] for row in csv.DictReader(stream)}
-    except (KeyError, csv.Error, UnicodeDecodeError):
-        raise MotionError(f'{path} must be a CSV file with the columns trial and action') from None
+    actions = {row['trial']: row['action'] for _, row in read_table(path, ('trial', 'action')) if row['action']}
     names = []
     for c, own in enumerate(model.style_names):
         found = Counter(

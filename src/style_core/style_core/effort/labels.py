@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from style_core.errors import MotionError
+from style_core.formats.files import read_table
 
 __all__ = ['read_labels', 'append_label', 'labelled']
 
@@ -12,19 +13,14 @@ _COLUMNS = ('fragment', 'flow', 'weight', 'time', 'labeller')
 
 
 def _rows(path):
-    with open(path, newline='') as stream:
-        table = csv.DictReader(stream)
-        missing = set(_COLUMNS) - set(table.fieldnames or ())
-        if missing:
-            raise MotionError(f'{path} lacks the column {", ".join(sorted(missing))}')
-        for row in table:
-            try:
-                efforts = tuple(float(row[name]) for name in _COLUMNS[1:4])
-            except (TypeError, ValueError):
-                raise MotionError(f'{path}, line {table.line_num}: flow, weight and time must be numbers') from None
-            if not all(abs(effort) <= 3 for effort in efforts):
-                raise MotionError(f'{path}, line {table.line_num}: efforts lie in [-3, 3]')
-            yield row['fragment'], efforts, row['labeller']
+    for line, row in read_table(path, _COLUMNS):
+        try:
+            efforts = tuple(float(row[name]) for name in _COLUMNS[1:4])
+        except (TypeError, ValueError):
+            raise MotionError(f'{path}, line {line}: flow, weight and time must be numbers') from None
+        if not all(abs(effort) <= 3 for effort in efforts):
+            raise MotionError(f'{path}, line {line}: efforts lie in [-3, 3]')
+        yield row['fragment'], efforts, row['labeller']
 
 
 def read_labels(path, labeller=None):

@@ -1,5 +1,7 @@
 """Reading text safely, and writing without ever losing the old file."""
 import contextlib
+import csv
+import io
 import os
 import tempfile
 from pathlib import Path
@@ -8,7 +10,7 @@ import numpy as np
 
 from style_core.errors import MotionError
 
-__all__ = ['read_text', 'number', 'constant_step_s', 'replacing']
+__all__ = ['read_text', 'read_table', 'number', 'constant_step_s', 'replacing']
 
 
 def read_text(path):
@@ -26,6 +28,19 @@ def read_text(path):
         raise MotionError(f'{path} is empty')
     # comments may be in any old encoding; names and numbers are ASCII
     return data.decode('utf-8-sig', errors='replace')
+
+
+def read_table(path, columns):
+    """Yield (line number, row) of a CSV file with a header; MotionError where it is no such file or lacks a column."""
+    table = csv.DictReader(io.StringIO(read_text(path), newline=''))
+    try:
+        missing = [name for name in columns if name not in (table.fieldnames or ())]
+        if missing:
+            raise MotionError(f'{path} lacks the column {", ".join(missing)}')
+        for row in table:
+            yield table.line_num, row
+    except csv.Error as error:
+        raise MotionError(f'{path}, line {table.line_num}: {error}') from None
 
 
 def number(word):

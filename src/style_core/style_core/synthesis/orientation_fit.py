@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 
 from style_core.errors import ModelError, MotionError
+from style_core.formats.files import read_text
 from style_core.motion import Motion, matching_names
 from style_core.skeleton import Skeleton, read_skeleton
 from style_core.synthesis.retargeting import Robot, RobotJoint
@@ -97,7 +98,9 @@ def read_plan(path):
     """
     path = Path(path)
     try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+        content = yaml.safe_load(read_text(path))
+        if not isinstance(content, dict):
+            raise ModelError(f'{path} is no plan of what to match: it must have the keys name, urdf, match and inputs')
         robot = read_skeleton(path.parent / content['urdf'])
         matches = tuple(Match(one['link'], tuple(float(x) for x in one['along']), one['body'], one.get('to', 'bone'),
                               one.get('base', 'root'), float(one.get('weight', 1.0))) for one in content['match'])
@@ -105,9 +108,9 @@ def read_plan(path):
         motors = {str(joint): {key: float(motor[key]) for key in motor}
                   for joint, motor in content.get('motors', {}).items()}
         plan = Plan(str(content['name']), str(content['urdf']), robot, matches, inputs, motors)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
-        if isinstance(error, (ModelError, MotionError)):
-            raise
+    except (ModelError, MotionError):
+        raise
+    except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
         raise ModelError(f'{path} is no plan of what to match: {error!r}') from None
     if not all(set(motor) <= {'velocity', 'acceleration'} for motor in motors.values()):
         raise ModelError(f'{path}: motors have velocity and acceleration, and nothing else')
