@@ -118,7 +118,8 @@ def perform(show, link):
     """The programme; returns False where the robot never began to walk."""
     from style_msgs.msg import BridgeState
     if not show.wait(lambda: show.state is not None and show.state.state == BridgeState.STREAMING, 45.0):
-        print(f'The robot did not begin to walk: {show.state.reason if show.state else "no bridge"}', file=sys.stderr)
+        why = show.state.reason or 'no trajectory came' if show.state else 'the servo bridge did not start'
+        print(f'The robot did not begin to walk: {why}', file=sys.stderr)
         return False
     show.note('walking with the person')
     names = [name for name in show.styles() if name != 'mean']
@@ -215,7 +216,8 @@ def main():
         operator.close()
         stop(nodes)
     if not walked:
-        print(f'See {output / "nodes.log"}', file=sys.stderr)
+        errors = [line for line in (output / 'nodes.log').read_text().splitlines() if '[ERROR]' in line]
+        print('\n'.join(errors), f'All that the nodes said: {output / "nodes.log"}', sep='\n', file=sys.stderr)
         return 1
     record = read_record(flight)
     outside = draw(record, operator.events, output)

@@ -3,12 +3,15 @@
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 compilers() {
-    local wanted=()
+    local wanted=() command
     command -v gcc >/dev/null || wanted+=(gcc)
     command -v g++ >/dev/null || wanted+=(g++)
     command -v make >/dev/null || command -v ninja >/dev/null || wanted+=(make)
     command -v cmake >/dev/null || wanted+=(cmake)
     [ ${#wanted[@]} = 0 ] || apt_install "${wanted[@]}"
+    for command in "${wanted[@]}"; do
+        command -v "$command" >/dev/null || die "$command is installed but not on PATH ($PATH)"
+    done
 }
 
 if [ -e "$HUMBLE/setup.bash" ]; then

@@ -84,7 +84,7 @@ def fetch_wheels(python, name, options=(), resuming=True):
             return folder
     arrived = cache_folder() / 'arrived'
     quiet = ('--progress-bar', 'on') if sys.stderr.isatty() else ('--quiet', '--progress-bar', 'off')
-    retry = ('--retries', '10', *(('--resume-retries', '20') if resuming else ()))
+    retry = ('--retries', '5', *(('--resume-retries', '20') if resuming else ()))
     with locked(cache_folder() / 'lock'):
         say(f'Downloading the packages of requirements/{name}.txt')
         for attempt in range(1, ATTEMPTS + 1):
@@ -94,7 +94,9 @@ def fetch_wheels(python, name, options=(), resuming=True):
                 break
             except SetupError:
                 if attempt == ATTEMPTS:
-                    raise
+                    raise SetupError(
+                        f'the packages of requirements/{name}.txt cannot be downloaded (see above). Is this machine on '
+                        'line? What has come is kept; the next set-up goes on from there') from None
                 say(f'The download stopped; attempt {attempt + 1} of {ATTEMPTS} in {5 * attempt} s.')
                 time.sleep(5 * attempt)
         allowed = set(re.findall(r'--hash=sha256:([0-9a-f]{64})', lock.read_text()))

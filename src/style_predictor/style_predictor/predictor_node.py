@@ -53,7 +53,7 @@ class PredictorNode(SoundLifecycleNode):
         """Load the model, warm it up, make publishers, services and the subscription."""
         self._values = values_of(self, PREDICTOR)
         if not self._values['model']:
-            raise UsageError('the parameter model is empty: give the path of a phase-style model file')
+            raise UsageError('the parameter model is empty: give the path of a model file')
         self._horizons = horizons_of(self._values)
         live, stream, writers = self._build(self._values['model'], self._horizons)
         masked = [pattern for pattern in self._values['masked_joints'] if pattern]

@@ -251,8 +251,9 @@ class Bridge:
         """Stop now: the next command brakes, or torque goes off at once."""
         if self.machine.happen(Event.ESTOP):
             self._enter(now, reason)
-            if self.settings.estop_action == 'torque_off':
-                self._torque_off()
+        # a latched fault or an emergency stop before may have left the motors holding
+        if self.settings.estop_action == 'torque_off' and self._torque and not self._lost:
+            self._torque_off()
 
     def fault(self, now, reason):
         """Latch a fault."""

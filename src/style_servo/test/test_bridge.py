@@ -292,6 +292,24 @@ def test_a_back_end_fault_latches_and_reset_reconnects(lost):
     assert rig.bridge.state is State.STREAMING
 
 
+@pytest.mark.parametrize('action', ['brake', 'torque_off'])
+def test_an_emergency_stop_counts_while_a_fault_is_latched(action):
+    """The motors hold with torque in a fault; who presses the button then means it."""
+    rig = Rig(estop_action=action)
+    rig.motors.stuck = 0.1
+    rig.send([1.0], [[0.9, 0.0]])
+    rig.run(1.5)
+    assert rig.bridge.state is State.FAULT and rig.motors.torque
+    rig.bridge.estop(rig.now)
+    rig.run(0.2)
+    assert rig.bridge.state is State.FAULT and 'hip does not follow' in rig.bridge.reason
+    assert rig.motors.torque == (action == 'brake')
+    rig.motors.stuck = None
+    rig.run(0.5)
+    rig.bridge.reset(rig.now)
+    assert rig.bridge.state is State.READY and rig.motors.torque
+
+
 def test_arming_refuses_an_impossible_posture_and_an_unknown_one():
     rig = Rig(armed=False)
     rig.motors.posture = np.array([0.0, 1.2])

@@ -1,5 +1,7 @@
 """``ros2 action``: list, info, send_goal."""
+import math
 import sys
+import time
 from typing import ClassVar
 
 import rclpy
@@ -10,6 +12,7 @@ from rclpy.action import (
     get_action_names_and_types,
     get_action_server_names_and_types_by_node,
 )
+from rclpy.signals import uninstall_signal_handlers
 from rosidl_runtime_py import message_to_yaml, set_message_fields
 from rosidl_runtime_py.utilities import get_action
 
@@ -49,12 +52,38 @@ def info_arguments(parser):
     parser.add_argument('action_name', help="an action, e.g. '/synthesizer/synthesize'")
 
 
+def read_goal(type_name, text):
+    """Type and goal of an action; RuntimeError, which ros2 prints as one line, where they do not fit."""
+    try:
+        action = get_action(type_name)
+    except (ValueError, AttributeError, ModuleNotFoundError):
+        raise RuntimeError(f"'{type_name}' is not a known action type") from None
+    try:
+        values = yaml.safe_load(text) or {}
+    except yaml.YAMLError as error:
+        raise RuntimeError(f'The goal is not YAML: {error}') from None
+    if not isinstance(values, dict):
+        raise RuntimeError("The goal must be a mapping in YAML, e.g. '{duration: 5.0}'")
+    goal = action.Goal()
+    try:
+        set_message_fields(goal, values)
+    except (AttributeError, AssertionError, TypeError, ValueError) as error:
+        raise RuntimeError(f'The goal does not fit {type_name}: {error}') from None
+    return action, goal
+
+
+def wait(node, future, timeout_s=math.inf):
+    """Spin until the future is done or the time is up, in short steps, between which Ctrl-C is noticed."""
+    end = time.monotonic() + timeout_s
+    while not future.done() and time.monotonic() < end:
+        rclpy.spin_until_future_complete(node, future, timeout_sec=0.2)
+
+
 def send_goal(args):
     """Send a goal and wait for the result; Ctrl-C cancels it."""
-    action = get_action(args.action_type)
-    goal = action.Goal()
-    set_message_fields(goal, yaml.safe_load(args.goal) or {})
+    action, goal = read_goal(args.action_type, args.goal)
     with graph_node(args) as node:
+        uninstall_signal_handlers()  # rclpy's would end the middleware at Ctrl-C, before the goal could be cancelled
         client = ActionClient(node, action, args.action_name)
         print('Waiting for an action server to become available...')
         if not client.wait_for_server(timeout_sec=args.wait or DISCOVERY_S):
@@ -64,7 +93,7 @@ def send_goal(args):
         feedback = (lambda m: print('Feedback:\n    ' + message_to_yaml(m.feedback).replace('\n', '\n    '))) \
             if args.feedback else None
         accepting = client.send_goal_async(goal, feedback_callback=feedback)
-        rclpy.spin_until_future_complete(node, accepting)
+        wait(node, accepting)
         handle = accepting.result()
         if not handle.accepted:
             print('Goal was rejected.', file=sys.stderr)
@@ -72,11 +101,11 @@ def send_goal(args):
         print(f'Goal accepted with ID: {bytes(handle.goal_id.uuid).hex()}\n')
         finishing = handle.get_result_async()
         try:
-            rclpy.spin_until_future_complete(node, finishing)
+            wait(node, finishing)
         except KeyboardInterrupt:
             print('Cancelling...')
-            rclpy.spin_until_future_complete(node, handle.cancel_goal_async(), timeout_sec=DISCOVERY_S)
-            rclpy.spin_until_future_complete(node, finishing, timeout_sec=DISCOVERY_S)
+            wait(node, handle.cancel_goal_async(), DISCOVERY_S)
+            wait(node, finishing, DISCOVERY_S)
         if not finishing.done():
             print('No result', file=sys.stderr)
             return 1

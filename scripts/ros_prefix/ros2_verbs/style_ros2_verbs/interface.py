@@ -29,7 +29,10 @@ def definition(name, comments, indent=''):
 
 def show(args):
     """Output the definition of an interface."""
-    print('\n'.join(definition(args.type, not args.no_comments)))
+    try:
+        print('\n'.join(definition(args.type, not args.no_comments)))
+    except (LookupError, ValueError):
+        raise RuntimeError(f"Unknown interface '{args.type}'; 'ros2 interface list' lists them") from None
 
 
 def show_arguments(parser):
@@ -50,7 +53,10 @@ def list_all(args):
 
 def package(args):
     """Output the interfaces of a package."""
-    output(get_interfaces([args.package_name]))
+    try:
+        output(get_interfaces([args.package_name]))
+    except LookupError as error:
+        raise RuntimeError(str(error)) from None
 
 
 def package_arguments(parser):
