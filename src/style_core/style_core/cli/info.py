@@ -134,7 +134,7 @@ def _lines(value, indent=''):
 
 def _shown(item):
     if isinstance(item, float):
-        return f'{item:.6g}'
+        return f'{item + 0.0:.6g}'     # no -0
     if isinstance(item, (list, tuple)):
-        return '-'.join(map(_shown, item))
+        return ' '.join(map(_shown, item))
     return '-' if item is None else str(item)
