@@ -18,6 +18,7 @@ from nodes import CONFIG, OF_OTHER_MODES, SERVOS, SYNTHESIZER, predictor, servos
 
 ARGUMENTS = {
     **{name: entry for name, entry in SYNTHESIZER.items() if name not in ('mode', 'estimate', *OF_OTHER_MODES)},
+    'model': ('locomotion.npz', 'phase-style model file: absolute, or the name of one in config/models'),
     'file': ('', 'motion file or bag of the person; empty where joint states come from elsewhere'),
     'skeleton': ('', 'skeleton file where the motion file needs one'),
     'loop': ('repeat', 'no, repeat or seamless'),

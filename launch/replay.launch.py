@@ -16,21 +16,30 @@ sys.path.insert(0, str(Path(__file__).parent))
 from nodes import CONFIG, predictor
 
 PREDICTOR = {
-    'model': ('', 'model file: absolute, or the name of one in config/models'),
+    'model': ('', 'model file (needed): absolute, or the name of one in config/models'),
     'joint_map': ('', 'YAML file from model joints to robot joints; empty where they are the same'),
     'params': (str(CONFIG / 'predictor.yaml'), 'parameter file of the predictor'),
     'method': ('full', 'full, or paper: the published method alone'),
 }
 PLAYER = {
-    'file': ('', 'motion file or bag'), 'skeleton': ('', 'skeleton file where the format needs one'),
-    'topic': ('', 'topic of a bag with several'), 'rate': ('0.0', 'Hz; 0 as recorded'), 'speed': ('1.0', 'how fast'),
-    'loop': ('no', 'no, repeat or seamless'), 'stamps': ('clock', 'clock, zero or file'),
-    'joints': ('[]', 'patterns of joints to play'),
-    'drop': ('[]', 'patterns of joints whose sensors go dark'), 'drop_from': ('0.0', 's'), 'drop_until': ('0.0', 's'),
-    'noise_std': ('0.0', 'rad'), 'jitter': ('0.0', 'share of the sample interval'), 'lose': ('0.0', 'probability'),
-    'seed': ('0', 'of everything random'),
+    'file': ('', 'motion file (AMC, BVH, CSV, NPZ) or bag to play (needed)'),
+    'skeleton': ('', 'skeleton file where the format needs one; empty to look beside the motion'),
+    'topic': ('', 'topic of a bag that holds several'),
+    'rate': ('0.0', 'resample to this rate, Hz; 0 keeps the stamps of the recording'),
+    'speed': ('1.0', 'how fast to play; 1 as recorded'),
+    'loop': ('no', 'no: once; repeat: again and again; seamless: cut at the best matching poses'),
+    'stamps': ('clock', 'stamps of the clock, zero stamps, or those of the file (clock, zero, file)'),
+    'joints': ('[]', "patterns of joints to play, e.g. ['*leg*', '!*toe*']; all where empty"),
+    'drop': ('[]', "patterns of joints whose sensors go dark, e.g. ['left_*']"),
+    'drop_from': ('0.0', 'when they go dark, s after the start'),
+    'drop_until': ('0.0', 'when they come back, s after the start; 0 for never'),
+    'noise_std': ('0.0', 'standard deviation of white noise on every joint, rad'),
+    'jitter': ('0.0', 'share of the sample interval by which samples come late at random, 0 to 0.99'),
+    'lose': ('0.0', 'probability that a sample is lost, 0 to 0.99'),
+    'seed': ('0', 'of noise, jitter and losses'),
 }
-LISTENERS = DeclareLaunchArgument('listeners', default_value='1', description='play once so many listen')
+LISTENERS = DeclareLaunchArgument('listeners', default_value='1',
+                                  description='begin to play once so many listen to the joint states')
 
 
 def player(context):
