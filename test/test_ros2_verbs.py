@@ -1,0 +1,79 @@
+"""The commands of ros2cli that a Humble from PyPI lacks and scripts/ros_prefix adds."""
+import signal
+import subprocess
+import threading
+import time
+
+import pytest
+import rclpy
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.executors import MultiThreadedExecutor
+
+from style_msgs.action import Synthesize
+
+pytest.importorskip('style_ros2_verbs', reason="this Humble has ros2cli's own commands")
+
+GOAL = ('action', 'send_goal', '/slow', 'style_msgs/action/Synthesize')
+
+
+def ros2(*words):
+    """Exit status and everything said."""
+    done = subprocess.run(['ros2', *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=60)
+    return done.returncode, done.stdout
+
+
+@pytest.mark.parametrize(('words', 'said'), [
+    ((*GOAL[:3], 'style_msgs/action/Nonsense', '{}'), 'not a known action type'),
+    ((*GOAL[:3], 'nonsense', '{}'), 'not a known action type'),
+    ((*GOAL, '{duration: [}'), 'not YAML'),
+    ((*GOAL, '5'), 'must be a mapping'),
+    ((*GOAL, '{wrong: 1.0}'), 'does not fit'),
+    ((*GOAL, '{duration: hello}'), 'does not fit'),
+    (('interface', 'show', 'style_msgs/msg/Nothing'), 'Unknown interface'),
+    (('interface', 'package', 'nothing'), 'Unknown package'),
+    (('launch', 'nothing', 'x.launch.py'), 'not found'),
+    (('launch', 'style_bringup', 'predict.launch.py', 'model'), 'malformed launch argument'),
+])
+def test_wrong_words_are_refused_without_a_traceback(words, said):
+    status, text = ros2(*words)
+    assert status == 1 and said in text and 'Traceback' not in text
+
+
+def test_ctrl_c_cancels_the_goal():
+    seen = threading.Event()
+
+    def execute(handle):
+        while not handle.is_cancel_requested:
+            handle.publish_feedback(Synthesize.Feedback())
+            time.sleep(0.05)
+        handle.canceled()
+        seen.set()
+        return Synthesize.Result()
+
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node('slow_server', context=context)
+    server = ActionServer(node, Synthesize, '/slow', execute, cancel_callback=lambda _: CancelResponse.ACCEPT)
+    executor = MultiThreadedExecutor(4, context=context)
+    executor.add_node(node)
+    spinning = threading.Thread(target=executor.spin, daemon=True)
+    spinning.start()
+    try:
+        client = subprocess.Popen(['ros2', *GOAL, '{duration: 60.0}', '--feedback', '--wait', '20'],
+                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        said = []
+        for line in client.stdout:
+            said.append(line)
+            if 'Feedback' in line:
+                break
+        client.send_signal(signal.SIGINT)
+        said += client.communicate(timeout=30)[0].splitlines(keepends=True)
+        text = ''.join(said)
+        assert seen.wait(5.0), text
+        assert client.returncode == 1 and 'Goal finished with status: CANCELED' in text and 'Traceback' not in text
+    finally:
+        executor.shutdown()
+        spinning.join(5.0)
+        server.destroy()
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)
