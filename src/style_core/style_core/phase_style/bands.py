@@ -16,8 +16,8 @@ LEAD_S = 5 / 60
 MOST = 5.0
 #: Checks are forgotten at this time constant, s: longer than one action, shorter than a change of shoes.
 MEMORY_S = 10.0
-#: A joint this long in the dark is on its way back to the band of people in general, s (longest horizon learned).
-FAR_S = 25 / 60
+#: A joint this long in the dark is on its way back to the band of people in general, s: twice the longest horizon.
+FAR_S = 50 / 60
 
 
 def check(error, std):

@@ -4,7 +4,7 @@ from libc.math cimport copysign, exp, isnan
 __all__ = ['InnovationMonitor', 'GAP_S']
 
 #: After a longer silence what was known about the phase is worth nothing, s: the search starts again.
-GAP_S = 1.0
+GAP_S = 2.0
 
 
 cdef class InnovationMonitor:
@@ -22,11 +22,13 @@ cdef class InnovationMonitor:
         Range of medians to believe; the upper may be infinite.
     """
 
-    cdef double window_s, factor, low, high, level, median
+    cdef readonly double window_s, factor
+    cdef readonly tuple usual
+    cdef double low, high, level, median
     cdef bint started
 
     def __init__(self, window_s=0.1, factor=3.0, usual=(0.3, 1.0)):
-        self.window_s, self.factor = window_s, factor
+        self.window_s, self.factor, self.usual = window_s, factor, usual
         self.low, self.high = usual
         self.reset()
 

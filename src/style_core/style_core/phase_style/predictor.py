@@ -109,7 +109,7 @@ class FullPredictor:
             search.since += dt
             if sampled:
                 search.step(BUDGET - spent)
-            if search.settle(self._monitor.limit):
+            if search.settle():
                 self._searching = False
                 self._status = Status.TRACKING
                 self._monitor.reset()

@@ -37,6 +37,8 @@ GIVE_UP = 3.0
 PATIENCE = 12
 #: A search ends after this long, s - if the leader explains what it sees; otherwise it goes on.
 SEARCH_S = 0.4
+#: Innovation a joint, averaged over what was seen, up to which a leader explains it; the variances promise one.
+EXPLAINS = 3.0
 
 
 class Glance:
@@ -325,11 +327,8 @@ cdef class Search:
             fabs(difference) < 2 * self._width[index]
             and fabs(<double>track.filter.velocity - speed) < self._spread[index])
 
-    def settle(self, double limit):
-        """Choose the leader, give up what is far behind; returns True when it is decided and the search is over.
-
-        ``limit`` is the innovation statistic up to which a leader explains what it sees.
-        """
+    def settle(self):
+        """Choose the leader, give up what is far behind; returns True when it is decided and the search is over."""
         cdef Track track, leader, best = None
         cdef double ahead
         cdef bint same, clear = True, over
@@ -354,7 +353,7 @@ cdef class Search:
                 self._drop(track)
             else:
                 clear = clear and ahead > TAKE_OVER
-        over = leader.misfit / leader.weight < limit and (
+        over = leader.misfit / leader.weight < EXPLAINS and (
             self.since >= SEARCH_S or (leader.count >= 6 and clear and self.since >= 0.1))
         if over:
             for track in list(self.tracks):
