@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from style_core.errors import ModelError
+from style_core.live.bound_map import BoundMap, all_finite
 from style_core.live.joint_map import JointMap, JointRule, identity_map, read_joint_map
 
 MODEL = ('hip', 'knee', 'ankle')
@@ -17,8 +18,44 @@ def test_there_and_back_is_the_same_angle():
     pose = np.array([0.1, 0.7, 9.0])
     robot = bound.to_robot(pose)
     np.testing.assert_allclose(robot, [0.1, 0.3 - 1.4])
-    np.testing.assert_allclose(bound.to_model(robot, np.array([0, 1])), pose[:2])
-    np.testing.assert_allclose(bound.to_model(robot[1:], np.array([1])), pose[1:2])
+    back, mask = np.zeros(3), np.zeros(3, np.int8)
+    for allowed, seen in (((1, 1), robot), ((0, 1), robot), ((1, 1), np.array([np.nan, robot[1]]))):
+        observed = bound.observe(seen, np.array(allowed, np.int8), back, mask)
+        there = np.array(allowed, bool) & ~np.isnan(seen)
+        np.testing.assert_array_equal(observed, there)
+        np.testing.assert_array_equal(mask, [*there, False])
+        np.testing.assert_allclose(back, np.where([*there, False], pose, np.nan))
+
+
+@given(data=st.data(), frames=st.integers(0, 4))
+@settings(deadline=None, max_examples=60)
+def test_a_map_is_what_it_says_element_by_element(data, frames):
+    number = st.floats(-3, 3)
+    joints = data.draw(st.lists(st.integers(0, 4), min_size=1, max_size=5, unique=True))
+    gain, offset = (np.array([data.draw(number.filter(bool) if what else number) for _ in joints]) for what in (1, 0))
+    lower = np.array([data.draw(number | st.just(-np.inf)) for _ in joints])
+    upper = lower + 1
+    bound = BoundMap(tuple(map(str, joints)), joints, gain, offset, lower, upper)
+    rng = np.random.default_rng(data.draw(st.integers(0, 99)))
+    mean, velocity, std = rng.standard_normal((3, frames, 5))
+    positions = bound.to_robot(mean)
+    np.testing.assert_array_equal(positions, np.clip(mean[:, joints] * gain + offset, lower, upper))
+    moved = velocity[:, joints] * gain
+    blocked = ((positions <= lower) & (moved < 0)) | ((positions >= upper) & (moved > 0))
+    np.testing.assert_array_equal(bound.velocity_to_robot(velocity, positions), np.where(blocked, 0, moved))
+    np.testing.assert_array_equal(bound.spread_to_robot(std), std[:, joints] * np.abs(gain))
+    with pytest.raises(IndexError):
+        bound.to_robot(mean[:, :max(joints)])
+
+
+def test_all_finite_looks_at_every_number():
+    arrays = np.ones(3), np.ones((2, 2))
+    assert all_finite(*arrays) and all_finite()
+    for place in ((0, 2), (1, (1, 0))):
+        for bad in (np.nan, np.inf, -np.inf):
+            broken = [one.copy() for one in arrays]
+            broken[place[0]][place[1]] = bad
+            assert not all_finite(*broken)
 
 
 def test_spread_and_velocity_scale_without_offset_and_spread_has_no_sign():

@@ -67,7 +67,7 @@ def test_names_are_read_once_for_each_publisher():
             np.testing.assert_array_equal(positions, [k, 2.0 * k, np.nan])
     for k in range(100):  # names that change all the time do not fill the memory
         reader.read(serialised(k, '', [f'joint_{k}'], [0.0]))
-    assert len(reader._known) <= 16
+    assert len(reader.known) <= 16
 
 
 def test_a_name_longer_by_the_padding_is_another_name():

@@ -1,6 +1,8 @@
 """Run a node with little between a message and its callback; every node of the suite is run by `run`."""
+import gc
 import sys
 from contextlib import ExitStack
+from time import monotonic
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor, TimeoutException
@@ -11,6 +13,10 @@ from style_core.errors import ModelError, MotionError, UsageError
 
 __all__ = ['PromptExecutor', 'run']
 
+#: while messages or timers keep coming, how often everything else is looked at, and after how long a silence they no
+#: longer do, s
+LOOK_EVERY, SILENCE = 0.01, 0.05
+
 
 class PromptExecutor(SingleThreadedExecutor):
     """Humble's single-threaded executor with a short way for subscriptions and timers.
@@ -19,6 +25,10 @@ class PromptExecutor(SingleThreadedExecutor):
     executor once more: most of a millisecond a message. Here what is waited for is gathered when it changes, and
     callbacks of timers and subscriptions are called at once, in this order. Everything else (services, clients,
     actions, tasks) is left to rclpy, and so is all of it while a coroutine keeps a callback group busy.
+
+    A wait takes the longer the more there is to wait for. So while messages or timers keep coming, only they (and what
+    wakes the executor) are waited for; everything else is looked at every 10 ms, just after one of them was served,
+    when the next is not due yet. Garbage is collected at that moment too, where `run` has taken over collecting it.
     Callbacks of timers and subscriptions must be plain functions.
     """
 
@@ -26,6 +36,8 @@ class PromptExecutor(SingleThreadedExecutor):
         super().__init__(context=context)
         self._changed = True
         self._held = ExitStack()
+        self._flowing = False
+        self._look_at = 0.0
 
     def wake(self):
         """What there is to wait for has changed."""
@@ -58,27 +70,52 @@ class PromptExecutor(SingleThreadedExecutor):
         if not all(one.callback_group.can_execute(one) for one in self._one_a_group):
             super().spin_once(timeout_sec)
             return
-        wait_set = self._wait_set
+        if not self._flowing:
+            self._flowing = self._serve(self._whole, timeout_sec)
+            self._tidy()
+            return
+        if (now := monotonic()) >= self._look_at:
+            self._look_at = now + LOOK_EVERY
+            self._serve(self._whole, 0)
+            self._tidy()
+            return
+        self._flowing = self._serve(self._quick, SILENCE if timeout_sec is None else min(timeout_sec, SILENCE))
+
+    def _serve(self, which, timeout_sec):
+        """Wait for a set of entities and serve what is ready; whether there were messages or timers."""
+        wait_set, entries, waitables = which
         wait_set.clear_entities()
-        for add, handle in self._entries:
+        for add, handle in entries:
             add(handle)
-        for one in self._waitables:
+        for one in waitables:
             one.add_to_wait_set(wait_set)
         wait_set.wait(-1 if timeout_sec is None else round(timeout_sec * 1e9))
         if self._is_shutdown:
-            return
+            return False
         if not self._context.ok():
             raise ExternalShutdownException
         ready = wait_set.get_ready_entities
-        for timer in _of(self._timers, ready('timer')):  # in rclpy's order
+        timers = _of(self._timers, ready('timer'))
+        for timer in timers:  # in rclpy's order
             self._run(timer, _call)
-        for subscription in _of(self._subscriptions, ready('subscription')):
+        subscriptions = _of(self._subscriptions, ready('subscription'))
+        for subscription in subscriptions:
             self._run(subscription, _take)
         guards = _of(self._guards, ready('guard_condition'))
         for guard in guards:
             guard._executor_triggered = True  # rclpy triggers it again and serves it
-        if guards or ready('service') or ready('client') or any(one.is_ready(wait_set) for one in self._waitables):
+        if guards or (which is self._whole and (
+                ready('service') or ready('client') or any(one.is_ready(wait_set) for one in waitables))):
             self._rest()
+        return bool(timers or subscriptions)
+
+    def _tidy(self):
+        """Collect garbage by the collector's own rule, where it does not do so itself."""
+        if gc.isenabled():
+            return
+        counts, limits = gc.get_count(), gc.get_threshold()
+        if counts[0] > limits[0]:
+            gc.collect(2 if counts[2] > limits[2] else 1 if counts[1] > limits[1] else 0)
 
     def _rest(self):
         """Let rclpy serve everything that is ready once, so that busy timers keep no service waiting."""
@@ -105,18 +142,24 @@ class PromptExecutor(SingleThreadedExecutor):
         self._subscriptions, self._guards, self._timers, clients, services, self._waitables = (
             [one for node in nodes for one in getattr(node, kind)]
             for kind in ('subscriptions', 'guards', 'timers', 'clients', 'services', 'waitables'))
-        kinds = self._subscriptions, [*self._guards, self._guard, self._sigint_gc], self._timers, clients, services
-        count = sum((one.get_num_entities() for one in self._waitables), NumberOfEntities(*map(len, kinds)))
-        self._wait_set = wait_set = rclpy_implementation.WaitSet(
+        guards = [*self._guards, self._guard, self._sigint_gc]
+        self._quick = self._waiting(self._subscriptions, guards, self._timers)
+        self._whole = self._waiting(self._subscriptions, guards, self._timers, clients, services, self._waitables)
+        everything = (*self._subscriptions, *self._guards, *self._timers, *clients, *services, *self._waitables)
+        self._one_a_group = list({id(one.callback_group): one for one in everything}.values())
+        for one in (*(handle for _, handle in self._whole[1]), *self._waitables):
+            self._held.enter_context(one)
+
+    def _waiting(self, subscriptions, guards, timers, clients=(), services=(), waitables=()):
+        """A wait set, how to add each entity to it, and waitables, which add themselves."""
+        kinds = subscriptions, guards, timers, clients, services
+        count = sum((one.get_num_entities() for one in waitables), NumberOfEntities(*map(len, kinds)))
+        wait_set = rclpy_implementation.WaitSet(
             count.num_subscriptions, count.num_guard_conditions, count.num_timers, count.num_clients,
             count.num_services, count.num_events, self._context.handle)
         add = (wait_set.add_subscription, wait_set.add_guard_condition, wait_set.add_timer, wait_set.add_client,
                wait_set.add_service)
-        self._entries = [(add_one, one.handle) for add_one, kind in zip(add, kinds) for one in kind]
-        everything = (*self._subscriptions, *self._guards, *self._timers, *clients, *services, *self._waitables)
-        self._one_a_group = list({id(one.callback_group): one for one in everything}.values())
-        for one in (*(handle for _, handle in self._entries), *self._waitables):
-            self._held.enter_context(one)
+        return wait_set, [(add_one, one.handle) for add_one, kind in zip(add, kinds) for one in kind], waitables
 
     def _run(self, entity, serve):
         if self._changed and entity not in self._alive():
@@ -165,11 +208,14 @@ def run(make_node, name, until=None, args=None):
         Command line.
     """
     sys.setswitchinterval(0.0005)  # a model loading in its thread must not hold up messages
+    gc.disable()  # the executor collects between messages
     rclpy.init(args=args)
     node, executor = None, PromptExecutor()
     try:
         node = make_node()
         executor.add_node(node)
+        gc.collect()
+        gc.freeze()  # what is there now stays; the collector need not look at it again
         while rclpy.ok() and not (until and until(node)):
             executor.spin_once(timeout_sec=0.2 if until else None)
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -178,6 +224,7 @@ def run(make_node, name, until=None, args=None):
         print(f'{name}: {error}', file=sys.stderr)
         return 2 if isinstance(error, UsageError) else 1
     finally:
+        gc.enable()
         if node is not None:
             getattr(node, 'release', lambda: None)()
             executor.shutdown()

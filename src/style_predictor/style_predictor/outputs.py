@@ -15,6 +15,9 @@ from style_predictor.templates import MessageTemplate
 
 __all__ = ['Outputs', 'Writers', 'diagnostics_message']
 
+_FROM_PREDICTION = {'trajectory', 'prediction', 'ahead'}
+
+
 def _trajectory(joints, horizons):
     """A trajectory with room for positions and velocities."""
     return JointTrajectory(joint_names=list(joints), points=[
@@ -46,23 +49,23 @@ class Writers:
 
     def filled(self, step):
         """Serialised JointState of a step."""
-        return self._filled.write({**_stamp(step.stamp), 'position': step.positions})
+        return self._filled.write({'position': step.positions}, step.stamp)
 
     def trajectory(self, outlook):
         """Serialised JointTrajectory of a prediction."""
-        return self._trajectory.write({**_stamp(outlook.stamp), 'points.positions': outlook.mean,
-                                       'points.velocities': outlook.velocity})
+        return self._trajectory.write({'points.positions': outlook.mean, 'points.velocities': outlook.velocity},
+                                      outlook.stamp)
 
     def prediction(self, outlook):
         """Serialised MotionPrediction of a prediction."""
         return self._prediction.write({
-            **_stamp(outlook.stamp), **_stamp(outlook.stamp, 'mean.'), 'mean.points.positions': outlook.mean,
-            'mean.points.velocities': outlook.velocity, 'standard_deviation': outlook.std})
+            'mean.header.stamp.sec': outlook.stamp // NANOSECONDS,
+            'mean.header.stamp.nanosec': outlook.stamp % NANOSECONDS, 'mean.points.positions': outlook.mean,
+            'mean.points.velocities': outlook.velocity, 'standard_deviation': outlook.std}, outlook.stamp)
 
     def ahead(self, outlook):
         """Serialised JointState of the farthest pose of a prediction."""
-        return self._ahead.write({**_stamp(outlook.stamp), 'position': outlook.mean[-1],
-                                  'velocity': outlook.velocity[-1]})
+        return self._ahead.write({'position': outlook.mean[-1], 'velocity': outlook.velocity[-1]}, outlook.stamp)
 
     def estimate(self, step):
         """Serialised StyleEstimate of a step."""
@@ -71,12 +74,12 @@ class Writers:
         if key not in self._estimates:
             self._estimates[key] = self._estimate_template(*key)
         return self._estimates[key].write({
-            **_stamp(step.stamp), 'status': estimate.status, 'discrete': self.live.is_discrete(estimate),
+            'status': estimate.status, 'discrete': self.live.is_discrete(estimate),
             'phase': estimate.phase, 'phase_velocity': estimate.phase_velocity,
             'phase_covariance': estimate.phase_covariance, 'style': estimate.style,
             'style_covariance': estimate.style_covariance,
             'behaviour_probabilities': list(estimate.behaviours.values()), 'observed': estimate.observed,
-            'innovation': estimate.innovation, 'log_likelihood': estimate.log_likelihood})
+            'innovation': estimate.innovation, 'log_likelihood': estimate.log_likelihood}, step.stamp)
 
     def _estimate_template(self, styles, behaviours):
         joints = list(self.live.predictor.joint_names)
@@ -86,15 +89,6 @@ class Writers:
             observed=[False] * len(joints)))
 
 
-def _stamp(stamp, prefix=''):
-    seconds, nanoseconds = divmod(stamp, NANOSECONDS)
-    return {prefix + 'header.stamp.sec': seconds, prefix + 'header.stamp.nanosec': nanoseconds}
-
-
-def _heard(publisher):
-    return publisher.get_subscription_count() > 0
-
-
 class Outputs:
     """The predictor's publishers."""
 
@@ -102,16 +96,16 @@ class Outputs:
         self._node = node
         create = node.create_lifecycle_publisher
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._trajectory = create(JointTrajectory, '~/trajectory', 5)
-        self._prediction = create(MotionPrediction, '~/prediction', 5)
-        self._estimate = create(StyleEstimate, '~/estimate', 5)
-        self._filled = create(JointState, '~/filled', 5)
-        self._ahead = create(JointState, '~/ahead', 5)
+        self._topics = {
+            name: create(kind, f'~/{name}', 5) for name, kind in (
+                ('trajectory', JointTrajectory), ('prediction', MotionPrediction), ('estimate', StyleEstimate),
+                ('filled', JointState), ('ahead', JointState))}
         self._model = create(String, '~/model', latched)
+        self._ahead_heard = False
 
     def destroy(self):
         """Take the publishers down."""
-        for publisher in (self._trajectory, self._prediction, self._estimate, self._filled, self._ahead, self._model):
+        for publisher in (*self._topics.values(), self._model):
             self._node.destroy_lifecycle_publisher(publisher)
 
     def publish(self, writers, step, predict):
@@ -129,18 +123,22 @@ class Outputs:
         Outlook or None
             What was predicted.
         """
-        outlook = predict() if any(map(_heard, (self._trajectory, self._prediction, self._ahead))) else None
+        # asked anew beforehand only where nobody listened: then nobody is kept waiting
+        ahead = self._ahead_heard or _FROM_PREDICTION & self._heard()
+        outlook = predict() if ahead else None
         if outlook is not None:
-            self._trajectory.publish(writers.trajectory(outlook))
-            if _heard(self._prediction):
-                self._prediction.publish(writers.prediction(outlook))
-            if _heard(self._ahead):
-                self._ahead.publish(writers.ahead(outlook))
-        if _heard(self._estimate):
-            self._estimate.publish(writers.estimate(step))
-        if _heard(self._filled):
-            self._filled.publish(writers.filled(step))
+            self._topics['trajectory'].publish(writers.trajectory(outlook))
+        heard = self._heard()
+        self._ahead_heard = bool(_FROM_PREDICTION & heard)
+        for name in heard - {'trajectory'}:
+            source = outlook if name in _FROM_PREDICTION else step
+            if source is not None:
+                self._topics[name].publish(getattr(writers, name)(source))
         return outlook
+
+    def _heard(self):
+        """Names of the topics that have listeners."""
+        return {name for name, publisher in self._topics.items() if publisher.get_subscription_count()}
 
     def describe(self, live, stream, horizons):
         """Publish the latched description of the model in use."""

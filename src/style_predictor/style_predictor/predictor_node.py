@@ -35,6 +35,8 @@ __all__ = ['PredictorNode', 'main']
 # arrived is taken at one go, and only the newest is answered
 INPUT_QOS = QoSProfile(depth=64, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
 MOST_AT_ONCE = 64
+#: a report does not wait for the next message where none has come for so long, s
+SILENCE = 0.1
 
 
 class PredictorNode(SoundLifecycleNode):
@@ -64,12 +66,14 @@ class PredictorNode(SoundLifecycleNode):
         self._reader = JointStateReader()
         self._next_publication = 0.0
         self._warned = set()
+        self._report_due = False
+        self._last_message = 0.0
         self._outputs = Outputs(self)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_states, INPUT_QOS, raw=True,
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
-        self._timer = self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = self.create_timer(1.0, self._on_report_due, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._own_services = [
             self.create_service(SetMask, '~/set_mask', self._on_set_mask),
             self.create_service(ResetEstimate, '~/reset', self._on_reset),
@@ -77,7 +81,7 @@ class PredictorNode(SoundLifecycleNode):
             self.create_service(LoadModel, '~/load_model', self._on_load_model,
                                 callback_group=MutuallyExclusiveCallbackGroup())]
         gc.collect()
-        gc.freeze()  # what is loaded now stays; the collector need not look at it again while messages wait
+        gc.freeze()  # what is loaded now stays; the collector need not look at it again
         self.get_logger().info(f'configured with {live.name} ({live.method}), {len(stream.robot_joints)} joints, '
                                f'{len(self._horizons)} points to {self._horizons[-1]:.3f} s')
         return TransitionCallbackReturn.SUCCESS
@@ -153,8 +157,11 @@ class PredictorNode(SoundLifecycleNode):
             self._answer(newest, started)
         tally = self._stream.tally
         tally.time('callback', perf_counter() - started)
-        if perf_counter() - started > self._values['deadline']:
+        self._last_message = perf_counter()
+        if self._last_message - started > self._values['deadline']:
             tally.count('missed deadlines')
+        if self._report_due:
+            self._report()
 
     def _take_in(self, message):
         """The newest step that a serialised joint state leads to, or None."""
@@ -178,7 +185,14 @@ class PredictorNode(SoundLifecycleNode):
     def _now(self):
         return self.get_clock().handle.get_now().nanoseconds  # without the objects that now() makes
 
+    def _on_report_due(self):
+        """Report after the next message, when the one after it is not due yet; at once where none come."""
+        self._report_due = True
+        if perf_counter() - self._last_message > SILENCE:
+            self._report()
+
     def _report(self):
+        self._report_due = False
         name = f'{self.get_name()}: motion prediction'
         if self._active:
             self._warn_once()

@@ -1,15 +1,14 @@
 """Put partial messages of several publishers together into frames."""
-from dataclasses import dataclass
-
 import numpy as np
 
-__all__ = ['Frame', 'FrameAssembler']
+from libc.math cimport NAN, fabs, isnan
+
+__all__ = ['Frame', 'FrameAssembler', 'usable']
 
 cdef long long NEVER = -(1LL << 61)
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
+cdef class Frame:
     """All that was measured at one time.
 
     Attributes
@@ -20,8 +19,41 @@ class Frame:
         NaN where nothing usable arrived.
     """
 
-    stamp: int
-    values: np.ndarray
+    cdef readonly long long stamp
+    cdef readonly object values
+
+
+def usable(const double[:] positions, const Py_ssize_t[:] places, double limit):
+    """The numbers of a message that may be used.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (P,)
+    places : ndarray of int, shape (N,)
+        Which of them are wanted.
+    limit : float
+        What is beyond it is not plausible.
+
+    Returns
+    -------
+    values : ndarray, shape (N,)
+        NaN where the number is NaN or not plausible.
+    absent, implausible : int
+        How many of either there are.
+    """
+    cdef Py_ssize_t i, absent = 0, implausible = 0, count = places.shape[0]
+    result = np.empty(count)
+    cdef double[::1] values = result
+    for i in range(count):
+        if not 0 <= places[i] < positions.shape[0]:
+            raise IndexError(f'there is no position {places[i]}')
+        values[i] = positions[places[i]]
+        if isnan(values[i]):
+            absent += 1
+        elif fabs(values[i]) > limit:
+            implausible += 1
+            values[i] = NAN
+    return result, absent, implausible
 
 
 cdef class FrameAssembler:
@@ -61,13 +93,17 @@ cdef class FrameAssembler:
         self._last = np.full(self.n_channels, NEVER, dtype=np.int64)
         self._interval = np.zeros(self.n_channels, dtype=np.int64)
         self._awaited = np.zeros(self.n_channels, dtype=np.int8)
+        self._present = np.zeros(self.n_channels, dtype=np.int8)
         self._released = NEVER
         self._clear()
 
     cdef _clear(self):
-        self._frame_values = np.full(self.n_channels, np.nan)
+        cdef Py_ssize_t c
+        self._frame_values = np.empty(self.n_channels)
         self._values = self._frame_values
-        self._present = np.zeros(self.n_channels, dtype=np.int8)
+        for c in range(self.n_channels):
+            self._values[c] = NAN
+            self._present[c] = False
         self._begun = False
 
     def add(self, const Py_ssize_t[:] channels, const double[:] values, long long stamp):
@@ -134,7 +170,8 @@ cdef class FrameAssembler:
         for c in range(self.n_channels):
             if self._waited_for(c):
                 self._awaited[c] = False
-        frame = Frame(self._newest, self._frame_values)
+        cdef Frame frame = Frame.__new__(Frame)
+        frame.stamp, frame.values = self._newest, self._frame_values
         self._released = self._newest
         self._clear()
         return frame

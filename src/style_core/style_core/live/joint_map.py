@@ -1,14 +1,14 @@
 """Which robot joint is which model joint, and how its angle is counted."""
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Mapping, Optional, Tuple
 
 import numpy as np
 
 from style_core.errors import ModelError
 from style_core.joint_file import read_joint_file
+from style_core.live.bound_map import BoundMap
 
-__all__ = ['JointRule', 'JointMap', 'BoundMap', 'identity_map', 'read_joint_map']
+__all__ = ['JointRule', 'JointMap', 'identity_map', 'read_joint_map']
 
 
 @dataclass(frozen=True)
@@ -47,53 +47,6 @@ class JointRule:
             raise ModelError(f'{self.robot}: offset and limits must be finite and scale positive')
         if self.limits is not None and (len(self.limits) != 2 or self.limits[0] >= self.limits[1]):
             raise ModelError(f'{self.robot}: limits must be [lower, upper] with lower < upper, not {self.limits}')
-
-
-@dataclass(frozen=True, eq=False)
-class BoundMap:
-    """A joint map fitted to one model; robot joints in the model's order.
-
-    Attributes
-    ----------
-    robot_joints : tuple of str, length R
-    channels : ndarray of int, shape (R,)
-        Model channel of each robot joint.
-    gain, offset, lower, upper : ndarray, shape (R,)
-        ``robot = gain * model + offset``; limits in robot angles, infinite where there are none.
-    """
-
-    robot_joints: Tuple[str, ...]
-    channels: np.ndarray
-    gain: np.ndarray
-    offset: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-
-    @cached_property
-    def limited(self):
-        """Whether any joint has a limit."""
-        return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
-
-    def to_model(self, positions, joints):
-        """Model angles of robot angles ``positions``, shape (N,), of the robot joints number ``joints``, shape (N,)."""
-        return (positions - self.offset[joints]) / self.gain[joints]
-
-    def to_robot(self, mean):
-        """Robot angles within the limits, shape (..., R), of model angles, shape (..., D)."""
-        robot = mean[..., self.channels] * self.gain + self.offset
-        return np.clip(robot, self.lower, self.upper) if self.limited else robot
-
-    def spread_to_robot(self, std):
-        """Standard deviations of the robot angles, shape (..., R), from the model's, shape (..., D)."""
-        return std[..., self.channels] * np.abs(self.gain)
-
-    def velocity_to_robot(self, velocity, positions):
-        """Robot joint velocities, shape (..., R); zero where ``positions`` rest at a limit and would pass it."""
-        robot = velocity[..., self.channels] * self.gain
-        if not self.limited:
-            return robot
-        blocked = ((positions <= self.lower) & (robot < 0)) | ((positions >= self.upper) & (robot > 0))
-        return np.where(blocked, 0.0, robot)
 
 
 @dataclass(frozen=True)
@@ -137,7 +90,7 @@ class JointMap:
             robot_joints=tuple(names), channels=np.array([i for i, _ in pairs]),
             gain=np.array([float(rule.sign * rule.scale) for _, rule in pairs]),
             offset=np.array([float(rule.offset) for _, rule in pairs]),
-            lower=limits[:, 0].copy(), upper=limits[:, 1].copy())
+            lower=limits[:, 0], upper=limits[:, 1])
 
 
 def identity_map():

@@ -6,6 +6,8 @@ from style_core.live.cdr import ENCAPSULATION, StampedNamesReader
 
 __all__ = ['JointStateReader']
 
+_NUMBERS = {order: np.dtype(order + 'f8') for order in '<>'}
+
 
 class JointStateReader(StampedNamesReader):
     """Serialised ``sensor_msgs/JointState`` (CDR of either byte order) to stamp, names and positions.
@@ -45,4 +47,4 @@ class JointStateReader(StampedNamesReader):
             at += (ENCAPSULATION - at) % 8
         if at + 8 * count > len(data):
             raise self.damaged('positions are cut off')
-        return stamp, names, np.frombuffer(data, order + 'f8', count, at if count else 0)
+        return stamp, names, np.frombuffer(data, _NUMBERS[order], count, at if count else 0)

@@ -1,14 +1,12 @@
 """What to do with each time stamp: take it, drop it with a named reason, or start again."""
-from dataclasses import dataclass
-from typing import Optional
+from typing import NamedTuple, Optional
 
 __all__ = ['StampVerdict', 'StampPolicy', 'NANOSECONDS']
 
 NANOSECONDS = 1_000_000_000
 
 
-@dataclass(frozen=True)
-class StampVerdict:
+class StampVerdict(NamedTuple):
     """The outcome for one message.
 
     Attributes

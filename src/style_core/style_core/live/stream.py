@@ -6,7 +6,8 @@ from typing import Optional, Tuple
 import numpy as np
 
 from style_core.errors import UsageError
-from style_core.live.frames import FrameAssembler
+from style_core.live.bound_map import all_finite
+from style_core.live.frames import FrameAssembler, usable
 from style_core.live.stamp_policy import NANOSECONDS, StampPolicy
 from style_core.live.tally import Tally
 from style_core.motion import matching_names
@@ -119,10 +120,12 @@ class PredictorStream:
         self.unknown = {}
         self._numbers = {name: i for i, name in enumerate(joint_map.robot_joints)}
         self._lookups = {}
+        self._newest_names = self._newest_lookup = None
         self._allowed = np.ones(len(joint_map.robot_joints), dtype=bool)
         self._frames = FrameAssembler(len(self._allowed), 0, 0)
         self._stamps = StampPolicy(0, 0, 0)
         self._pose = np.full(len(predictor.joint_names), np.nan)
+        self._mask = np.zeros(len(predictor.joint_names), np.int8)
         self.configure(settings)
         self.reset()
 
@@ -205,14 +208,10 @@ class PredictorStream:
             self.predictor.reset()
             self._frames.reset()
             self._epoch = None
-        values = np.array(positions, dtype=float)[places]
-        usable = np.abs(values) <= IMPLAUSIBLE_RAD
-        if not usable.all():
-            broken = len(values) - int(usable.sum())
-            absent = int(np.isnan(values).sum())
+        values, absent, implausible = usable(np.asarray(positions, dtype=float), places, IMPLAUSIBLE_RAD)
+        if absent or implausible:
             count('NaN values', absent)
-            count('implausible values', broken - absent)
-            values[~usable] = np.nan
+            count('implausible values', implausible)
         frames, dropped = self._frames.add(joints, values, verdict.stamp)
         if dropped:
             count(dropped)
@@ -221,6 +220,8 @@ class PredictorStream:
 
     def _look_up(self, names):
         """Robot joint numbers, their places in the message, and whether no joint comes twice."""
+        if names is self._newest_names:  # readers give the same object for the same names
+            return self._newest_lookup
         names = tuple(names)
         found = self._lookups.get(names)
         if found is None:
@@ -233,20 +234,17 @@ class PredictorStream:
             if len(self._lookups) >= _REMEMBERED:
                 self._lookups.clear()
             self._lookups[names] = found
+        self._newest_names, self._newest_lookup = names, found
         return found
 
     def _update(self, frame):
         if self._epoch is None:
             self._epoch = frame.stamp
         started = perf_counter()
-        observed = self._allowed & ~np.isnan(frame.values)
-        joints = np.flatnonzero(observed)
-        pose = self._pose
-        pose[:] = np.nan
-        pose[self.joint_map.channels[joints]] = self.joint_map.to_model(frame.values[joints], joints)
+        observed = self.joint_map.observe(frame.values, self._allowed.view(np.int8), self._pose, self._mask)
         try:
-            estimate = self.predictor.update((frame.stamp - self._epoch) * 1e-9, pose, ~np.isnan(pose))
-            sound = np.isfinite(estimate.mean.sum() + estimate.std.sum())
+            estimate = self.predictor.update((frame.stamp - self._epoch) * 1e-9, self._pose, self._mask.view(bool))
+            sound = all_finite(estimate.mean, estimate.std)
         except (ArithmeticError, np.linalg.LinAlgError):
             sound = False
         self.tally.time('update', perf_counter() - started)
@@ -256,7 +254,7 @@ class PredictorStream:
             self._epoch = None
             return None
         filled = self.joint_map.to_robot(estimate.mean)
-        filled[joints] = frame.values[joints]
+        np.copyto(filled, frame.values, where=observed)
         self.last = Step(frame.stamp, estimate, filled, self.joint_map.spread_to_robot(estimate.std), observed)
         self.tally.count('updates')
         return self.last
@@ -267,7 +265,7 @@ class PredictorStream:
             return None
         started = perf_counter()
         ahead = self.predictor.predict(horizons)
-        if not np.isfinite(ahead.mean.sum() + ahead.std.sum() + ahead.velocity.sum()):
+        if not all_finite(ahead.mean, ahead.std, ahead.velocity):
             self.tally.count('filter failures')
             self.predictor.reset()
             self._epoch = None
@@ -284,14 +282,15 @@ class PredictorStream:
         The states are ``used``, ``masked`` (by request), ``timed out``, ``never seen`` and ``not measured`` (absent
         from the last frame, or NaN).
         """
-        ages = self._frames.ages(now)
-        observed = self.last.observed if self.last is not None else np.zeros(len(ages), dtype=bool)
-        states = np.where(observed, 'used', 'not measured')
-        states[ages > self.settings.joint_timeout] = 'timed out'
-        states[np.isinf(ages)] = 'never seen'
-        states[~self._allowed] = 'masked'
-        return {state: [name for name, own in zip(self.robot_joints, states) if own == state]
-                for state in ('used', 'masked', 'timed out', 'never seen', 'not measured')}
+        timeout = self.settings.joint_timeout
+        observed = self.last.observed.tolist() if self.last is not None else [False] * len(self.robot_joints)
+        found = {state: [] for state in ('used', 'masked', 'timed out', 'never seen', 'not measured')}
+        for name, age, seen, allowed in zip(
+                self.robot_joints, self._frames.ages(now).tolist(), observed, self._allowed.tolist()):
+            state = ('masked' if not allowed else 'never seen' if age == np.inf else 'timed out' if age > timeout
+                     else 'used' if seen else 'not measured')
+            found[state].append(name)
+        return found
 
     def status(self):
         """Status of the last step; ACQUIRING before the first."""
