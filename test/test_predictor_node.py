@@ -101,7 +101,7 @@ class TestPredictor(unittest.TestCase):
 
     def test_01_every_transition(self):
         probe = self.probe
-        self.assertTrue(probe.wait(lambda: probe.state() == 'unconfigured', 15.0))
+        self.assertTrue(probe.wait(lambda: probe.state() == 'unconfigured', 60.0))
         self.assertFalse(probe.transition('activate'), 'activated without being configured')
         good = str(small_model())
         broken = Path(good + '.broken.npz')

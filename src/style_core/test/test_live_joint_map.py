@@ -18,12 +18,11 @@ def test_there_and_back_is_the_same_angle():
     pose = np.array([0.1, 0.7, 9.0])
     robot = bound.to_robot(pose)
     np.testing.assert_allclose(robot, [0.1, 0.3 - 1.4])
-    back, mask = np.zeros(3), np.zeros(3, np.int8)
+    back = np.zeros(3)
     for allowed, seen in (((1, 1), robot), ((0, 1), robot), ((1, 1), np.array([np.nan, robot[1]]))):
-        observed = bound.observe(seen, np.array(allowed, np.int8), back, mask)
+        observed = bound.observe(seen, np.array(allowed, np.int8), back)
         there = np.array(allowed, bool) & ~np.isnan(seen)
         np.testing.assert_array_equal(observed, there)
-        np.testing.assert_array_equal(mask, [*there, False])
         np.testing.assert_allclose(back, np.where([*there, False], pose, np.nan))
 
 

@@ -37,7 +37,7 @@ cdef class BoundMap:
         if not len(self.channels) == len(gain) == len(offset) == len(lower) == len(upper) == self._count:
             raise ValueError('a map needs as many channels, gains, offsets and limits as joints')
 
-    def observe(self, const double[::1] positions, const char[::1] allowed, double[::1] pose, char[::1] mask):
+    def observe(self, const double[::1] positions, const char[::1] allowed, double[::1] pose):
         """Write what the robot measured as a pose of the model.
 
         Parameters
@@ -46,8 +46,8 @@ cdef class BoundMap:
             NaN where nothing was measured.
         allowed : ndarray of int8, shape (R,)
             Which may be used.
-        pose, mask : ndarray, shape (D,), and of int8
-            Written: model angles, NaN where there are none, and which there are.
+        pose : ndarray, shape (D,)
+            Written: model angles, NaN where there are none.
 
         Returns
         -------
@@ -55,21 +55,19 @@ cdef class BoundMap:
             Which robot joints were used.
         """
         cdef Py_ssize_t r, c, channels = pose.shape[0]
-        if positions.shape[0] != self._count or allowed.shape[0] != self._count or mask.shape[0] != channels:
-            raise ValueError('positions and allowed have one value a robot joint, pose and mask one a channel')
+        if positions.shape[0] != self._count or allowed.shape[0] != self._count:
+            raise ValueError('positions and allowed need one value a robot joint')
         if channels < self._needed:
             raise IndexError(f'the map wants more than {channels} channels')
         result = np.empty(self._count, dtype=bool)
         cdef char[::1] observed = result.view(np.int8)
         for c in range(channels):
             pose[c] = NAN
-            mask[c] = 0
         for r in range(self._count):
             observed[r] = allowed[r] and not isnan(positions[r])
             if observed[r]:
                 c = self._channels[r]
                 pose[c] = (positions[r] - self._offset[r]) / self._gain[r]
-                mask[c] = 1
         return result
 
     def to_robot(self, mean):

@@ -125,7 +125,6 @@ class PredictorStream:
         self._frames = FrameAssembler(len(self._allowed), 0, 0)
         self._stamps = StampPolicy(0, 0, 0)
         self._pose = np.full(len(predictor.joint_names), np.nan)
-        self._mask = np.zeros(len(predictor.joint_names), np.int8)
         self.configure(settings)
         self.reset()
 
@@ -241,9 +240,9 @@ class PredictorStream:
         if self._epoch is None:
             self._epoch = frame.stamp
         started = perf_counter()
-        observed = self.joint_map.observe(frame.values, self._allowed.view(np.int8), self._pose, self._mask)
+        observed = self.joint_map.observe(frame.values, self._allowed.view(np.int8), self._pose)
         try:
-            estimate = self.predictor.update((frame.stamp - self._epoch) * 1e-9, self._pose, self._mask.view(bool))
+            estimate = self.predictor.update((frame.stamp - self._epoch) * 1e-9, self._pose)
             sound = all_finite(estimate.mean, estimate.std)
         except (ArithmeticError, np.linalg.LinAlgError):
             sound = False
