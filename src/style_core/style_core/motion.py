@@ -155,8 +155,10 @@ class Motion:
         if stop_s is not None:
             kept &= self.times < stop_s - SAME_INSTANT_S
         if not kept.any():
-            raise MotionError(f'{self._title()} has no frame from {start_s} s to {stop_s} s: it lasts from '
-                              f'{self.times[0]:.6g} s to {self.times[-1]:.6g} s')
+            asked = ' '.join(f'{word} {time_s:g} s' for word, time_s in (('from', start_s), ('to', stop_s))
+                             if time_s is not None)
+            raise MotionError(f'{self._title()} has no frame {asked}: it lasts from {self.times[0]:.6g} s to '
+                              f'{self.times[-1]:.6g} s')
         return self.replace(positions=self.positions[kept], times=self.times[kept])
 
     def at(self, times, max_gap_s=None):
