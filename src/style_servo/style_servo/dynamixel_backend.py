@@ -88,7 +88,19 @@ def hardware_errors(bits):
 
 
 class _Port(PortHandler):
-    """The SDK's port, which sleeps until something arrives where the SDK asks over and over."""
+    """The SDK's port, which sleeps until something arrives where the SDK asks over and over.
+
+    The SDK waits some 34 ms for the answer of a single servo; ``reply_timeout`` (s), where that is longer.
+    """
+
+    def __init__(self, name, reply_timeout):
+        super().__init__(name)
+        self._reply_timeout = reply_timeout
+
+    def setPacketTimeout(self, packet_length):
+        """As long as the SDK says, and not shorter than set."""
+        super().setPacketTimeout(packet_length)
+        self.packet_timeout = max(self.packet_timeout, 1000 * self._reply_timeout)
 
     def readPort(self, length):
         """Up to ``length`` bytes, as soon as there are any or the packet's time is over."""
@@ -196,7 +208,7 @@ class DynamixelBackend:
 
     def _open(self):
         settings = self._settings
-        port = _Port(settings.port)
+        port = _Port(settings.port, settings.reply_timeout)
         where = f'port {settings.port}'
         try:
             if not port.setBaudRate(settings.baud):
