@@ -306,14 +306,14 @@ static void NAME(arrow_mean)(const arrow *f, const horizon *x, double *mean, dou
     }
 }
 
-/* Standard deviation of a block at H times ahead: what of the states is loaded serves all of them. */
+/* Standard deviation of a block at H times ahead, 1 or 3: what of the states is loaded serves all of them. */
 static inline __attribute__((always_inline)) void NAME(arrow_spread_at)(
     const int H, const arrow *f, const horizon *x, int block, const double *rows, double *const *std)
 {
     const int m = f->m, n = f->n, styles = m - 2, left = f->channels - block * LANES;
     const double *A = f->states + (long)block * f->rows * LANES, *V = A + LANES * n * m;
     const double *constants = V + LANES * (TRI(n, 0) + n + m + n + 2);
-    v4 g[MOST][H][2], total[H][2];
+    v4 g[MOST][3][2], total[3][2];
     for (int h = 0; h < H; h++)
         for (int k = 0; k < 2; k++) {
             const v4 *bases = (const v4 *)(rows + (long)h * (1 + styles) * f->width) + (1 + styles) * (2 * block + k);
@@ -332,7 +332,7 @@ static inline __attribute__((always_inline)) void NAME(arrow_spread_at)(
             total[h][k] = sum;
         }
     for (int i = 0; i < m; i++) {
-        v4 t[H][2];
+        v4 t[3][2];
         for (int h = 0; h < H; h++)
             EACH t[h][k] = g[i][h][k];
         for (int a = 0; a < n; a++) {
@@ -344,7 +344,7 @@ static inline __attribute__((always_inline)) void NAME(arrow_spread_at)(
             EACH g[i][h][k] = t[h][k];
     }
     for (int i = 0; i < m; i++) {  /* g^T P g with P = C C^T */
-        v4 t[H][2];
+        v4 t[3][2];
         for (int h = 0; h < H; h++)
             EACH t[h][k] = f->factor[i * m + i] * g[i][h][k];
         for (int j = i + 1; j < m; j++) {
@@ -356,7 +356,7 @@ static inline __attribute__((always_inline)) void NAME(arrow_spread_at)(
             EACH total[h][k] += t[h][k] * t[h][k];
     }
     for (int a = 0; a < n; a++) {
-        v4 t[H][2];
+        v4 t[3][2];
         for (int h = 0; h < H; h++)
             EACH t[h][k] = (v4){};
         for (int b = 0; b < a; b++) {

@@ -129,15 +129,29 @@ cdef void cholesky_solve(const double* factor, double* b, int n) noexcept nogil:
         b[i] /= factor[i * n + i]
 
 
-cdef void cholesky_inverse(const double* factor, double* out, int n) noexcept nogil:
-    cdef int i, j
-    cdef double column[64]
-    for j in range(n):
-        for i in range(n):
-            column[i] = 1.0 if i == j else 0.0
-        cholesky_solve(factor, column, n)
-        for i in range(n):
-            out[i * n + j] = column[i]
+cdef double cholesky_inverse(const double* factor, double* out, int n) noexcept nogil:
+    """Inverse of the matrix with a lower Cholesky factor, symmetric to the bit; returns the log of its determinant."""
+    cdef int i, j, k
+    cdef double total, over, logs = 0
+    for i in range(n):  # the factor's inverse
+        logs -= 2 * log(factor[i * n + i])
+        over = 1 / factor[i * n + i]
+        for j in range(i):
+            total = 0
+            for k in range(j, i):
+                total += factor[i * n + k] * out[k * n + j]
+            out[i * n + j] = -total * over
+        out[i * n + i] = over
+    for i in range(n):  # its transpose times itself, above the diagonal
+        for j in range(n - 1, i - 1, -1):
+            total = 0
+            for k in range(j, n):
+                total += out[k * n + i] * out[k * n + j]
+            out[i * n + j] = total
+    for i in range(n):
+        for j in range(i):
+            out[i * n + j] = out[j * n + i]
+    return logs
 
 
 cdef double[::1] aligned(long count):
@@ -541,7 +555,8 @@ cdef class ArrowFilter:
     cdef double[::1] horizons, paces    # of the last prediction; `planned` of them count
     cdef long planned
     cdef double[::1] c, age, work
-    cdef double[:, ::1] P, precision, matrix, factor
+    cdef double[:, ::1] P, precision, matrix
+    cdef double log_precision   # of its determinant
     cdef int turn
     cdef bint fresh             # the precision belongs to the covariance
     cdef bint rooted            # so does its root
@@ -575,7 +590,7 @@ cdef class ArrowFilter:
             self._put(first + row, values)
         self.c, self.work = np.zeros(m), np.zeros(m)
         self.age = np.zeros(max(self.styles, 1))
-        self.P, self.precision, self.matrix, self.factor = (np.zeros((m, m)) for _ in range(4))
+        self.P, self.precision, self.matrix = (np.zeros((m, m)) for _ in range(3))
         self.turn = 0
         self.planned = 0
         self.start(0.0, 0.5 * (self.lowest + self.highest), 1.0, 1.0)
@@ -726,7 +741,7 @@ cdef class ArrowFilter:
                 self.matrix[i, j] = self.P[i, j]
         if cholesky(&self.matrix[0, 0], m):
             return 1
-        cholesky_inverse(&self.matrix[0, 0], &self.precision[0, 0], m)
+        self.log_precision = cholesky_inverse(&self.matrix[0, 0], &self.precision[0, 0], m)
         return 0
 
     def update(self, const double[::1] y, const unsigned char[::1] observed, double dt):
@@ -866,7 +881,6 @@ cdef class ArrowFilter:
         k = 0
         for i in range(m):
             for j in range(i + 1):
-                self.factor[i, j] = self.precision[i, j]
                 self.matrix[i, j] = self.precision[i, j] + total_of(&self.sums[4 * k])
                 self.precision[i, j] = self.matrix[i, j]
                 self.precision[j, i] = self.matrix[i, j]
@@ -874,16 +888,11 @@ cdef class ArrowFilter:
         for i in range(m):
             self.work[i] = total_of(&self.sums[4 * (k + i)])
             f.delta[i] = self.work[i]
-        if cholesky(&self.factor[0, 0], m) or cholesky(&self.matrix[0, 0], m):
+        if cholesky(&self.matrix[0, 0], m):
             return 1
-        for i in range(m):
-            logs += 2 * (log(self.matrix[i, i]) - log(self.factor[i, i]))
-        cholesky_inverse(&self.matrix[0, 0], &self.P[0, 0], m)
-        for i in range(m):
-            for j in range(i):
-                total = 0.5 * (self.P[i, j] + self.P[j, i])
-                self.P[i, j] = total
-                self.P[j, i] = total
+        total = -cholesky_inverse(&self.matrix[0, 0], &self.P[0, 0], m)
+        logs += total - self.log_precision
+        self.log_precision = total
         cholesky_solve(&self.matrix[0, 0], f.delta, m)
         total = 0
         for i in range(m):

@@ -195,7 +195,7 @@ cdef class Search:
     def store(self, double time, y, seen):
         """Keep an observation if it is far enough from the last one and not empty; returns whether it was."""
         cdef long row
-        if (self._filled and time - self._last < SPACING_S) or not seen.any():
+        if (self._filled and time - self._last < SPACING_S) or not any(seen.tobytes()):
             return False
         row = self._filled - self._base
         if row == len(self._y):
