@@ -87,6 +87,24 @@ def test_constant_velocity_is_exact_on_a_ramp_even_with_gaps():
     np.testing.assert_allclose(predictor.predict([0.2]).mean[0], (times[-1] + 0.2) * np.array([1.0, -1.0, 0.5, 0.0]))
 
 
+@pytest.mark.parametrize('decay', [1e-9, 0.7, 12.0])
+def test_fading_velocity_is_its_integral_over_time(decay):
+    slope = np.array([1.0, -1.0, 0.5, 0.0])
+    predictor = ConstantVelocity(NAMES, decay=decay)
+    for frame in range(8):
+        y = frame / 60 * slope
+        y[1] = y[1] if frame < 5 else np.nan  # unseen: it has been fading since its last observation
+        predictor.update(frame / 60, y)
+    guess = predictor.predict([0.1, 0.4]).mean
+    for horizon, row in zip((0.1, 0.4), guess):
+        for joint, last in enumerate((7, 4, 7, 7)):
+            step = (horizon + (7 - last) / 60) / 20000
+            moved = slope[joint] * step * np.exp(-decay * step * (np.arange(20000) + 0.5)).sum()
+            assert row[joint] == pytest.approx(last / 60 * slope[joint] + moved, abs=1e-7)
+    with pytest.raises(ValueError, match='decay'):
+        ConstantVelocity(NAMES, decay=-1.0)
+
+
 def test_nearest_histories_find_a_recording_seen_before_and_carry_an_offset():
     training = [cycle(240), cycle(240, period_s=0.8, phase=1.0)]
     predictor = NearestHistories(training, neighbours=1)

@@ -1,4 +1,4 @@
-"""Hold still, and keep going."""
+"""Hold still, and keep going (for ever, or for a while)."""
 
 import numpy as np
 
@@ -15,7 +15,25 @@ class ZeroVelocity(PoseKeeper):
 
 
 class ConstantVelocity(PoseKeeper):
-    """Predicts that every joint keeps the velocity it had between its last two observations."""
+    """Predicts that every joint keeps the velocity it had between its last two observations, or that it fades.
+
+    Parameters
+    ----------
+    joint_names, rest
+        See `PoseKeeper`.
+    decay : float
+        Rate at which the velocity fades, 1/s, >= 0.
+    """
+
+    def __init__(self, joint_names, rest=None, decay=0.0):
+        if not (np.isfinite(decay) and decay >= 0):
+            raise ValueError(f'decay must be a finite rate of 0 or more, got {decay}')
+        self._decay = float(decay)
+        super().__init__(joint_names, rest)
+
+    def _span(self, time):
+        """Time at full velocity that moves as far as ``time`` at a fading one, s."""
+        return time if self._decay == 0 else -np.expm1(-self._decay * time) / self._decay
 
     def reset(self):
         super().reset()
@@ -32,7 +50,8 @@ class ConstantVelocity(PoseKeeper):
 
     def _filled(self):
         unseen = np.where(np.isfinite(self._age), self._age, 0.0)
-        return self._pose + unseen * self._velocity
+        return self._pose + self._span(unseen) * self._velocity
 
     def _ahead(self, horizons):
-        return self._filled() + horizons[:, None] * self._velocity
+        unseen = np.where(np.isfinite(self._age), self._age, 0.0)
+        return self._pose + self._span(unseen + horizons[:, None]) * self._velocity
