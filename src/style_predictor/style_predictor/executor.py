@@ -192,7 +192,7 @@ def _of(entities, pointers):
     return [one for one in entities if one.handle.pointer in pointers] if pointers else ()
 
 
-def run(make_node, name, until=None, args=None):
+def run(make_node, name, until=None, args=None, switch_interval=0.0005):
     """Run a node until it is told to stop; returns the exit status of its program.
 
     Parameters
@@ -206,8 +206,11 @@ def run(make_node, name, until=None, args=None):
         Takes the node; true when it is done.
     args : list of str, optional
         Command line.
+    switch_interval : float
+        After this long (s) a thread that computes lets another one in: a model loading in its thread must not hold up
+        messages.
     """
-    sys.setswitchinterval(0.0005)  # a model loading in its thread must not hold up messages
+    sys.setswitchinterval(switch_interval)
     gc.disable()  # the executor collects between messages
     rclpy.init(args=args)
     node, executor = None, PromptExecutor()

@@ -19,6 +19,7 @@ log = logging.getLogger(__name__)
 
 MAX_PENDING = 16        # trajectories that start in the future
 CATCH_UP_S = 0.05       # of missed periods that a late tick makes up for
+EARLY = 0.1             # of a period
 REJECT_RUN = 3          # ticks in a row with rejected targets that end a trajectory
 LOOKS = 5               # tries to read the posture when arming
 NOTABLE_LAG = 0.02      # rad
@@ -127,6 +128,8 @@ class Bridge:
         How far the last command stayed behind its target (brought inside the position limits), rad.
     playing : float
         Stamp of the trajectory that plays, s as its sender gave it; 0 where it had none, NaN before the first.
+    ticked : float
+        Time that the commands have come to, s: a whole number of periods after the bridge was armed first.
     trace : callable, optional
         Called for every period's command with time, state, target, command, measured position and ``playing``.
     counts : dict
@@ -160,7 +163,7 @@ class Bridge:
         self.estop_held = False
         self.trace = None
         self.playing = math.nan
-        self._ticked = 0.0
+        self.ticked = math.nan
         self._pending = deque()
         self._accepted_at = -math.inf
         self._since = self._ramp_end = 0.0
@@ -185,9 +188,9 @@ class Bridge:
 
     def take_lag(self):
         """Joint that lagged furthest behind its target since the last call, and by how much (rad), or None."""
-        worst = int(np.argmax(self._worst_lag))
-        lag = float(self._worst_lag[worst])
-        self._worst_lag[:] = 0
+        lags, self._worst_lag = self._worst_lag, np.zeros_like(self._worst_lag)
+        worst = int(np.argmax(lags))
+        lag = float(lags[worst])
         return (self.chain.names[worst], lag) if lag > NOTABLE_LAG else None
 
     # --- arming and stopping ------------------------------------------------------------------------------------
@@ -241,7 +244,9 @@ class Bridge:
         self._torque, self._lost, self._backend_fault = True, False, False
         self._limiter.reset(posture)
         self._playback.hold(posture)
-        self._ticked = now
+        # a reset keeps in step with whoever calls tick
+        period = 1.0 / self.settings.rate
+        self.ticked = now if math.isnan(self.ticked) else now - (now - self.ticked) % period
         self.target[:] = posture
         self._pending.clear()
         self._following_since = None
@@ -422,8 +427,8 @@ class Bridge:
         """One cycle: choose the reference, limit it, send it, read back, check. Call it ``rate`` times a second.
 
         The limits hold in steps of one period. A call that comes late makes up for the periods missed (up to
-        CATCH_UP_S of them, each limited by itself) and sends the last; one that comes within half a period of the
-        call before is left out.
+        CATCH_UP_S of them, each limited by itself) and sends the last; one that comes more than EARLY
+        of a period too soon is left out.
 
         Returns
         -------
@@ -433,12 +438,12 @@ class Bridge:
         if not self.state.armed:
             return 0
         period = 1.0 / self.settings.rate
-        periods = round((now - self._ticked) / period)
+        periods = math.floor((now - self.ticked) / period + EARLY)
         if periods < 1:
             return 0
         most = max(1, round(CATCH_UP_S / period))
         # what is left of rounding counts for the next call, so that the mean rate is right
-        self._ticked = self._ticked + periods * period if periods <= most else now
+        self.ticked += periods * period
         if periods > most and self.state in (State.RAMPING, State.STREAMING):
             # time is lost, so the target has moved on: that is no jump of the sender's
             self._limiter.expect(self._playback.sample(now - most * period)[0])

@@ -1,4 +1,7 @@
 """The bridge in words and numbers for diagnostics."""
+import math
+from collections import deque
+
 import numpy as np
 
 from style_core.live.health import ERROR, OK, WARN, Health
@@ -17,32 +20,31 @@ class CycleTimes:
         self.cycles = self.missed = self.skipped = self.late = self.off = 0
         self.last = 0.0
         self._previous = None
-        self._durations, self._errors = [], []
+        self._recent = deque(maxlen=100000)     # (duration, error): filled by one thread, emptied by another
 
     def done(self, now, periods, duration):
         """Count a cycle: its beginning (s), the periods it made up for (0: left out), and what it took (s)."""
         if not periods:
             self.skipped += 1
             return
-        if self._previous is not None:
-            self._errors.append(now - self._previous - self.period)
-            self.off += abs(self._errors[-1]) > OFF_S
+        error = math.nan if self._previous is None else abs(now - self._previous - self.period)
+        self.off += error > OFF_S
         self._previous = now
         self.cycles += 1
         self.late += periods - 1
         self.last = duration
-        self._durations.append(duration)
+        self._recent.append((duration, error))
         if duration > self.period:
             self.missed += 1
 
     def report(self):
         """Facts since the last report, as text by name."""
-        facts = {}
-        for name, values in (('cycle time', self._durations), ('period error', np.abs(self._errors))):
+        facts, recent = {}, np.array([self._recent.popleft() for _ in range(len(self._recent))]).reshape(-1, 2)
+        for name, values in zip(('cycle time', 'period error'), recent.T):
+            values = values[~np.isnan(values)]
             if len(values):
                 median, high = 1e3 * np.percentile(values, [50, 99])
                 facts[f'{name} p50, p99, max (ms)'] = f'{median:.3f}, {high:.3f}, {1e3 * np.max(values):.3f}'
-        self._durations, self._errors = [], []
         return facts
 
 
@@ -72,7 +74,7 @@ def health_of_bridge(bridge, times, flood, now):
     lag = bridge.take_lag()
     if lag is not None:
         facts['largest lag behind the trajectory (rad)'] = f'{lag[1]:.4f} ({lag[0]})'
-    facts.update({f'rejected: {kind}': str(count) for kind, count in bridge.rejections.items()})
+    facts.update({f'rejected: {kind}': str(count) for kind, count in dict(bridge.rejections).items()})
     facts.update({f'bus: {name}': str(count) for name, count in backend.statistics.items()})
     if np.any(np.isfinite(bridge.command)):
         error = np.abs(bridge.command - measurement.position)

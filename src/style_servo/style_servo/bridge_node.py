@@ -5,6 +5,8 @@ import getpass
 import os
 import sys
 import time
+from collections import deque
+from functools import partial
 from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
@@ -32,6 +34,7 @@ from style_servo.backend import BackendFault
 from style_servo.bridge import Bridge
 from style_servo.bridge_health import CycleTimes, health_of_bridge
 from style_servo.chain import load_chain
+from style_servo.loop import ServoLoop
 from style_servo.parameters import BRIDGE, bridge_settings
 from style_servo.record import Recorder
 from style_servo.trajectory_message import TrajectoryReader
@@ -40,7 +43,7 @@ __all__ = ['BridgeNode', 'main']
 
 STATE_EVERY_S = 0.1
 REPORT_EVERY_S = 1.0
-SHARE_OF_PERIOD = 0.3       # for messages at one go
+SWITCH_S = 0.0001       # a thread that computes lets the other one in after this long
 
 
 def _floats(values):
@@ -49,12 +52,16 @@ def _floats(values):
 
 
 class BridgeNode(SoundLifecycleNode):
-    """See ``docs/servo.md`` for topics, services, parameters and the state diagram."""
+    """See ``docs/servo.md`` for topics, services, parameters and the state diagram.
+
+    While active, a ServoLoop runs the bridge and publishes commands and measurements. The executor's thread takes
+    messages apart, hands them over, and reports; of the bridge it only reads numbers.
+    """
 
     def __init__(self, **options):
         super().__init__('servo_bridge', **options)
         self._bridge = None
-        self._active = False
+        self._loop = None
         declare(self, BRIDGE)
         watch(self, BRIDGE, lambda: self._bridge is not None, lambda values: None)
 
@@ -82,16 +89,14 @@ class BridgeNode(SoundLifecycleNode):
             bridge.trace = self._recorder.write
         self._times, self._reader = CycleTimes(period), TrajectoryReader()
         self._taken = self._flood = 0
-        self._told = None
-        self._state_due = self._report_due = 0.0
+        self._told, self._changes = None, deque()
         self._take_priority(values['realtime_priority'])
-        gc.collect()
-        gc.freeze()     # what is loaded now stays; the collector need not look at it while a cycle is due
         self.get_logger().info(f'{chain.name}: {len(chain.joints)} joints on {values["backend"]}, '
                                f'{values["rate"]:g} commands a second, torque off')
         return TransitionCallbackReturn.SUCCESS
 
     def _take_priority(self, priority):
+        # the servo thread inherits it; this one needs it too, as each may have to wait for the other's Python
         if not priority:
             return
         try:
@@ -146,7 +151,9 @@ class BridgeNode(SoundLifecycleNode):
                                self.create_service(Trigger, '~/reset', self._on_reset)]
         # the steady clock: a motor bus must not follow a simulated or corrected time
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timers_made = [self.create_timer(self._period, self._cycle, clock=steady)]
+        self._timers_made = [self.create_timer(STATE_EVERY_S, self._publish_state, clock=steady),
+                             self.create_timer(REPORT_EVERY_S, self._report, clock=steady)]
+        self._news = self.create_guard_condition(self._on_news)
 
     @transition
     def on_activate(self, state):
@@ -157,22 +164,26 @@ class BridgeNode(SoundLifecycleNode):
             raise UsageError(str(error)) from None
         result = super().on_activate(state)
         self._times = CycleTimes(self._period)
-        self._active = True
-        self._publish_state()
+        gc.collect()
+        gc.freeze()     # what is there now stays; the collector need not look at it again
+        self._note_state()
+        self._loop = ServoLoop(self._cycle, self._bridge.ticked, self._period, self._news.trigger)
         return result
 
     @transition
     def on_deactivate(self, state):
         """Brake, then torque off."""
         self._disarm()
-        self._publish_state()
+        self._publish_changes()
         return super().on_deactivate(state)
 
     def _disarm(self):
-        if self._active:
-            self._active = False
+        loop, self._loop = self._loop, None
+        if loop is not None:
+            loop.stop()
             self._bridge.stop(time.monotonic())
             self._bridge.disarm(time.monotonic())
+            self._note_state()
 
     def release(self):
         """Brake and torque off, whatever state the node is in; for the end of the program."""
@@ -193,6 +204,7 @@ class BridgeNode(SoundLifecycleNode):
             self.destroy_service(one)
         for one in self._timers_made:
             self.destroy_timer(one)
+        self.destroy_guard_condition(self._news)
         for one in (self._commanded, self._joint_states, self._state):
             if one is not None:
                 self.destroy_lifecycle_publisher(one)
@@ -200,26 +212,17 @@ class BridgeNode(SoundLifecycleNode):
 
     # --- input --------------------------------------------------------------------------------------------------
 
-    def _on_trajectory(self, raw):
-        # what has arrived is taken at one go, without keeping the next cycle waiting
-        end = time.monotonic() + SHARE_OF_PERIOD * self._period
-        while True:
-            self._take(raw)
-            if time.monotonic() > end:
-                break
-            more = self._subscriptions_made[0].handle.take_message(JointTrajectory, True)
-            if more is None:
-                break
-            raw = more[0]
+    def _in_turn(self, call):
+        """Call ``call()`` where the bridge runs, and return its result."""
+        return call() if self._loop is None else self._loop.ask(call)
 
-    def _take(self, raw):
-        if not self._active:
+    def _on_trajectory(self, raw):
+        if self._loop is None:
             return
-        self._taken += 1
+        self._taken += 1        # since the last cycle
         if self._taken > self._values['messages_per_cycle']:
             self._flood += 1
             return
-        now = time.monotonic()
         try:
             if len(raw) > self._values['max_message_bytes']:
                 error = MotionError(f'a message of {len(raw)} bytes is refused unread')
@@ -227,14 +230,17 @@ class BridgeNode(SoundLifecycleNode):
                 raise error
             stamp, points = self._reader.read(raw)
         except MotionError as error:
-            self._bridge.count_rejection(error)
+            self._loop.post(partial(self._bridge.count_rejection, error))
             self._tell_rejection(error)
             return
-        start = now
+        start = time.monotonic()
         if stamp:
             start += (stamp - self.get_clock().now().nanoseconds) / NANOSECONDS
+        self._loop.post(partial(self._submit, points, start, stamp / NANOSECONDS))
+
+    def _submit(self, points, start, stamp):
         try:
-            self._bridge.submit(points, start, now, stamp / NANOSECONDS)
+            self._bridge.submit(points, start, time.monotonic(), stamp)
         except MotionError as error:
             self._tell_rejection(error)
 
@@ -244,63 +250,84 @@ class BridgeNode(SoundLifecycleNode):
     def _on_estop_topic(self, message):
         self._bridge.estop_held = message.data
         if message.data:
-            self._bridge.estop(time.monotonic(), 'emergency stop by topic')
+            self._in_turn(lambda: self._bridge.estop(time.monotonic(), 'emergency stop by topic'))
 
     def _on_estop(self, request, response):
-        self._bridge.estop(time.monotonic(), 'emergency stop by service')
+        self._in_turn(lambda: self._bridge.estop(time.monotonic(), 'emergency stop by service'))
         response.success = True     # where there is nothing to stop, it is stopped already: FAULT, DISARMED
         response.message = self._bridge.state.name
         return response
 
     def _on_reset(self, request, response):
         try:
-            self._bridge.reset(time.monotonic())
+            self._in_turn(lambda: self._bridge.reset(time.monotonic()))
             response.success = True
         except (UsageError, BackendFault) as error:
             response.message = str(error)
         return response
 
-    # --- output -------------------------------------------------------------------------------------------------
+    # --- output: in the servo thread ----------------------------------------------------------------------------
 
-    def _cycle(self):
-        now = time.monotonic()
-        if not self._active:
-            if now >= self._report_due:
-                self._report()
-            return
+    def _cycle(self, now):
         self._taken = 0
         bridge = self._bridge
         periods = bridge.tick(now)
         self._times.done(now, periods, time.monotonic() - now)
+        if bridge.state is not self._told:
+            self._note_state()
+        try:
+            self._publish_cycle()
+        except Exception:
+            if self.context.ok():       # nothing can be published while the program is being ended
+                raise
+
+    def _note_state(self):
+        """Have every change of state published, however short it was."""
+        self._told = self._bridge.state
+        self._changes.append((self._bridge.state, self._bridge.reason))
+        self._news.trigger()
+
+    def _publish_cycle(self):
+        measurement = self._bridge.backend.measurement
         seconds, nanoseconds = divmod(self.get_clock().now().nanoseconds, NANOSECONDS)
         stamp = {'header.stamp.sec': seconds, 'header.stamp.nanosec': nanoseconds}
-        measurement = bridge.backend.measurement
         self._commanded.publish(self._command_message.write(
-            {**stamp, 'position': bridge.command, 'velocity': bridge.command_velocity}))
+            {**stamp, 'position': self._bridge.command, 'velocity': self._bridge.command_velocity}))
         if self._joint_states is not None and measurement.fresh:
             self._joint_states.publish(self._measured_message.write(
                 {**stamp, 'position': measurement.position, 'velocity': measurement.velocity,
                  'effort': measurement.effort}))
-        # one of these at most, right after a command, so that the next one does not wait
-        if bridge.state is not self._told or now >= self._state_due:
-            self._publish_state()
-        elif now >= self._report_due:
-            self._report()
+
+    # --- output: in the executor's thread -----------------------------------------------------------------------
+
+    def _on_news(self):
+        if self._loop is not None and self._loop.failure is not None:
+            raise self._loop.failure
+        self._publish_changes()
+
+    def _publish_changes(self):
+        while self._changes:
+            state, reason = self._changes.popleft()
+            if reason:
+                self.get_logger().warning(f'{state.name}: {reason}')
+            else:
+                self.get_logger().info(state.name)
+            self._publish(state, reason)
 
     def _publish_state(self):
-        bridge, measurement = self._bridge, self._bridge.backend.measurement
-        now = time.monotonic()
-        if bridge.state is not self._told:
-            if bridge.reason:
-                self.get_logger().warning(f'{bridge.state.name}: {bridge.reason}')
-            else:
-                self.get_logger().info(bridge.state.name)
-        self._told, self._state_due = bridge.state, now + STATE_EVERY_S
+        if self._loop is None:
+            return
+        self._publish_changes()
+        self._publish(self._bridge.state, self._bridge.reason)
         if self._recorder is not None:
             self._recorder.flush()
+
+    def _publish(self, state, reason):
+        bridge, measurement = self._bridge, self._bridge.backend.measurement
+        now = time.monotonic()
         statistics = bridge.backend.statistics
         message = BridgeState(
-            state=int(bridge.state), reason=bridge.reason, estop_held=bridge.estop_held,
+            state=int(state), reason=reason, estop_held=bridge.estop_held,
             joint_names=self._names, commanded=_floats(bridge.command),
             measured=_floats(measurement.position), limited=(bridge.bands != PASS).tolist(),
             input_age=float(bridge.input_age(now)), cycle_time=self._times.last, cycles=self._times.cycles,
@@ -311,9 +338,8 @@ class BridgeNode(SoundLifecycleNode):
         self._state.publish(message)
 
     def _report(self):
-        self._report_due = time.monotonic() + REPORT_EVERY_S
         health = Health(WARN, 'not active', {})
-        if self._active:
+        if self._loop is not None:
             health = health_of_bridge(self._bridge, self._times, self._flood, time.monotonic())
         self._diagnostics.publish(diagnostics_message(self.get_clock().now().to_msg(),
                                                       f'{self.get_name()}: motors', health, self._bridge.chain.name))
@@ -321,7 +347,7 @@ class BridgeNode(SoundLifecycleNode):
 
 def main(args=None):
     """Run the node until it is told to stop; the motors are released on every way out that Python sees."""
-    return run(BridgeNode, 'servo_bridge', args=args)
+    return run(BridgeNode, 'servo_bridge', args=args, switch_interval=SWITCH_S)
 
 
 if __name__ == '__main__':

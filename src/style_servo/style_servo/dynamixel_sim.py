@@ -39,6 +39,7 @@ from style_core.errors import UsageError
 from style_servo.control_table import control_table, model_named, models
 from style_servo.packets import Instruction, Parser
 from style_servo.simulated_bus import SimulatedBus
+from style_servo.simulated_motion import STEP_S
 
 __all__ = ['PtyBus', 'tell', 'parse_servos', 'main']
 
@@ -123,7 +124,7 @@ class PtyBus:
     def run(self):
         """Serve until told to stop."""
         while not self._stop:
-            self.step(0.01)
+            self.step(STEP_S)       # so that no reply waits for motion to be made up for
 
     def step(self, timeout):
         """Wait at most ``timeout`` s for something to happen, and do it."""

@@ -50,12 +50,14 @@ class Ros2ControlBackend:
         self._problem = None
         self._subscription = node.create_subscription(JointState, 'joint_states', self._on_state, QoSProfile(depth=5))
         self._every = 1
-        self._publisher = self._action = None
+        self._publisher = self._action = self._goal = None
         if goal_rate is None:
             self._publisher = node.create_publisher(JointTrajectory, f'{controller}/joint_trajectory', 5)
         else:
             self._action = ActionClient(node, FollowJointTrajectory, f'{controller}/follow_joint_trajectory')
             self._every = max(1, round(1 / (goal_rate * period)))
+            # action clients belong to the executor's thread, cycles to another one
+            self._goals_due = node.create_guard_condition(self._send_goal)
 
     def _on_state(self, message):
         now = time.monotonic()
@@ -116,8 +118,13 @@ class Ros2ControlBackend:
         if self._publisher is not None:
             self._publisher.publish(trajectory)
         else:
-            self._action.send_goal_async(FollowJointTrajectory.Goal(trajectory=trajectory)).add_done_callback(
-                self._on_answer)
+            self._goal = FollowJointTrajectory.Goal(trajectory=trajectory)
+            self._goals_due.trigger()
+
+    def _send_goal(self):
+        goal, self._goal = self._goal, None
+        if goal is not None and self._action is not None:
+            self._action.send_goal_async(goal).add_done_callback(self._on_answer)
 
     def _on_answer(self, future):
         handle = future.result()
@@ -147,7 +154,9 @@ class Ros2ControlBackend:
         if self._publisher is not None:
             self._node.destroy_publisher(self._publisher)
         if self._action is not None:
+            self._node.destroy_guard_condition(self._goals_due)
             self._action.destroy()
+            self._action = None
 
 
 def _point(seconds, position, velocity):

@@ -4,7 +4,7 @@ The numbers make servos that move, lag, load and heat plausibly. They are not an
 """
 import numpy as np
 
-__all__ = ['Motion']
+__all__ = ['Motion', 'STEP_S']
 
 STEP_S = 0.002
 FASTEST = 12.0              # rad/s, no-load speed
@@ -35,13 +35,12 @@ class Motion:
         self._time = None
 
     def advance(self, now):
-        """Move to time ``now`` (s) in steps of at most 2 ms."""
+        """Move to time ``now`` (s) in whole steps of 2 ms, as servos have a cycle of their own."""
         if self._time is None:
             self._time = now
-        while now - self._time > 1e-9:
-            h = min(STEP_S, now - self._time)
-            self._step(h)
-            self._time += h
+        while now - self._time >= STEP_S - 1e-9:
+            self._step(STEP_S)
+            self._time += STEP_S
 
     def stop_profile(self, i):
         """Make servo ``i`` hold where it is: torque just enabled, or stopped by its Bus Watchdog."""
@@ -52,25 +51,38 @@ class Motion:
         speed = np.minimum(self.speed, FASTEST)
         change = np.minimum(self.acceleration, 1e6) * h
         gap = self.goal - self.profile_position
+        distance = np.abs(gap)
         # largest speed from which the profile still stops at the goal, one step ahead
-        stopping = np.sqrt(2 * change / h * np.abs(gap) + (0.5 * change) ** 2) - 0.5 * change
-        wanted = np.where(self.velocity_mode, np.clip(self.goal_velocity, -FASTEST, FASTEST),
-                          np.sign(gap) * np.minimum(np.minimum(speed, np.abs(gap) / h), stopping))
-        wanted = np.where(self.halted, 0.0, wanted)
-        self.profile_velocity += np.clip(wanted - self.profile_velocity, -change, change)
+        stopping = np.sqrt(2 / h * change * distance + (0.5 * change) ** 2) - 0.5 * change
+        wanted = np.copysign(np.minimum(np.minimum(speed, distance / h), stopping), gap)
+        if self.velocity_mode.any():
+            wanted = np.where(self.velocity_mode, _within(self.goal_velocity, FASTEST), wanted)
+        if self.halted.any():
+            wanted[self.halted] = 0.0
+        self.profile_velocity += _within(wanted - self.profile_velocity, change)
         self.profile_position += self.profile_velocity * h
-        error = self.profile_position - self.position
-        push = BANDWIDTH ** 2 * error + 2 * BANDWIDTH * (self.profile_velocity - self.velocity)
-        push = np.clip(np.where(self.torque, push, -10.0 * self.velocity), -STRONGEST, STRONGEST)
+        push = (BANDWIDTH ** 2 * (self.profile_position - self.position)
+                + 2 * BANDWIDTH * (self.profile_velocity - self.velocity))
+        all_on = self.torque.all()
+        if not all_on:
+            push = np.where(self.torque, push, -10.0 * self.velocity)
+        push = _within(push, STRONGEST)
         # semi-implicit in the damping, so that the step is stable at any bandwidth
-        self.velocity += push * h / (1 + 2 * BANDWIDTH * h + (BANDWIDTH * h) ** 2)
-        self.velocity = np.clip(self.velocity, -FASTEST, FASTEST)
-        self.velocity[self.blocked] = 0.0
+        self.velocity += push * (h / (1 + 2 * BANDWIDTH * h + (BANDWIDTH * h) ** 2))
+        self.velocity = _within(self.velocity, FASTEST)
+        if self.blocked.any():
+            self.velocity[self.blocked] = 0.0
         self.position += self.velocity * h
-        off = ~self.torque
-        self.profile_position[off] = self.position[off]
-        self.profile_velocity[off] = 0.0
-        friction = 0.03 * np.tanh(20 * self.velocity) + 0.05 * self.velocity / FASTEST
-        self.load = np.where(self.torque, np.clip(push / STRONGEST + friction, -1, 1), 0.0)
-        self.overloaded = np.where(np.abs(self.load) > 0.95, self.overloaded + h, 0.0)
+        friction = 0.03 * np.tanh(20 * self.velocity) + 0.05 / FASTEST * self.velocity
+        self.load = _within(push / STRONGEST + friction, 1.0)
+        if not all_on:
+            off = ~self.torque
+            self.profile_position[off] = self.position[off]
+            self.profile_velocity[off] = self.load[off] = 0.0
+        full = np.abs(self.load) > 0.95
+        self.overloaded = (self.overloaded + h) * full
         self.temperature += h * (0.5 * self.load ** 2 - 0.01 * (self.temperature - AMBIENT))
+
+
+def _within(values, limit):
+    return np.minimum(np.maximum(values, -limit), limit)

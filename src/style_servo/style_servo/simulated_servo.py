@@ -36,18 +36,33 @@ _SPECIAL = {
     'M54': {'Max Position Limit': 250961, 'Min Position Limit': -250961, 'Velocity Limit': 2800},
     'M42': {'Max Position Limit': 262931, 'Min Position Limit': -262931, 'Velocity Limit': 2600},
 }
-_READ_ONLY = ('Model Number', 'Model Information', 'Firmware Version', 'Registered Instruction', 'Realtime Tick',
+_READ_ONLY = {'Model Number', 'Model Information', 'Firmware Version', 'Registered Instruction', 'Realtime Tick',
               'Hardware Error Status', 'Moving', 'Moving Status', 'Velocity Trajectory', 'Position Trajectory',
-              'Backup Ready', 'Controller State', 'Error Code')
-_LIVE = ('Present Position', 'Present Velocity', 'Position Trajectory', 'Velocity Trajectory', 'Present Load',
-         'Present Current', 'Present PWM', 'Present Temperature', 'Moving', 'Moving Status', 'Realtime Tick')
-_SIGNED = ('Homing Offset', 'Goal PWM', 'Goal Current', 'Goal Velocity', 'Goal Position', 'Max Position Limit',
-           'Min Position Limit', 'Bus Watchdog')
-_GOALS = ('Goal PWM', 'Goal Current', 'Goal Velocity', 'Goal Position')
+              'Backup Ready', 'Controller State', 'Error Code'}
+_SIGNED = {'Homing Offset', 'Goal PWM', 'Goal Current', 'Goal Velocity', 'Goal Position', 'Max Position Limit',
+           'Min Position Limit', 'Bus Watchdog'}
+_GOALS = {'Goal PWM', 'Goal Current', 'Goal Velocity', 'Goal Position'}
 # asked for at every packet: kept as attributes beside the memory
 _CACHED = {'ID': 'id', 'Baud Rate': 'baud', 'Status Return Level': 'level', 'Bus Watchdog': 'watchdog',
            'Hardware Error Status': 'errors', 'Temperature Limit': 'hottest', 'Homing Offset': 'homing',
-           'Secondary(Shadow) ID': 'shadow_id', 'Return Delay Time': 'return_delay'}
+           'Secondary(Shadow) ID': 'shadow_id', 'Return Delay Time': 'return_delay', 'Torque Enable': 'torque',
+           'Operating Mode': 'mode', 'Min Position Limit': 'low', 'Max Position Limit': 'high',
+           'Current Limit': 'most_current'}
+# what the motion decides: value of the item for servo, motion, index and time
+_LIVE = {
+    'Present Position': lambda s, m, i, now: s.counts(m.position.item(i)),
+    'Present Velocity': lambda s, m, i, now: round(s.speed_counts(m.velocity.item(i))),
+    'Position Trajectory': lambda s, m, i, now: s.counts(m.profile_position.item(i)),
+    'Velocity Trajectory': lambda s, m, i, now: round(s.speed_counts(m.profile_velocity.item(i))),
+    'Present Load': lambda s, m, i, now: round(1000 * s.sign * m.load.item(i)),
+    'Present Current': lambda s, m, i, now: round(s.sign * m.load.item(i) * s.most_current),
+    'Present PWM': lambda s, m, i, now: round(885 * s.sign * m.load.item(i)),
+    'Present Temperature': lambda s, m, i, now: round(m.temperature.item(i)),
+    'Moving': lambda s, m, i, now: abs(s.speed_counts(m.velocity.item(i))) > s.get('Moving Threshold'),
+    'Moving Status': lambda s, m, i, now: (
+        0x01 * bool(abs(m.goal.item(i) - m.position.item(i)) < 10 * s.table.position_unit)
+        | 0x02 * bool(abs(m.profile_velocity.item(i)) > 1e-6)),
+    'Realtime Tick': lambda s, m, i, now: int(1000 * (now - s.power_up)) % 32768}
 VELOCITY_MODE, POSITION_MODE = 1, 3
 REBOOT_S = 0.2
 
@@ -83,13 +98,13 @@ class SimulatedServo:
             self._owner[item.address:item.address + item.size] = [item] * item.size
         self.registered = None
         self.awake_at = -math.inf
-        self._tick0 = self._last_heard = 0.0
+        self.power_up = self._last_heard = 0.0
         self._factory = dict(_FACTORY)
         for prefix, values in _SPECIAL.items():
             if table.model.startswith(prefix):
                 self._factory.update(values)
         self._factory.update({'Model Number': model_number})
-        self._sign = 1
+        self.sign = 1
         self._plans = {}
         for attribute in _CACHED.values():
             setattr(self, attribute, 0)
@@ -131,13 +146,13 @@ class SimulatedServo:
             value = self.get(name)
             setattr(self, _CACHED[name], BAUD_RATES[value] if name == 'Baud Rate' else value)
         elif name == 'Drive Mode':
-            self._sign = -1 if self.get(name) & 1 else 1
+            self.sign = -1 if self.get(name) & 1 else 1
 
     def _reset(self, keep):
         """Factory reset of everything except the items in ``keep``."""
         kept = {name: self.get(name) for name in keep}
         self._memory = bytearray(self._size)
-        for name, value in {**self._factory, **kept}.items():
+        for name, value in {**dict.fromkeys(_CACHED, 0), **self._factory, **kept}.items():
             self.set(name, value)
         self._clear_ram()
 
@@ -157,7 +172,7 @@ class SimulatedServo:
         motion.torque[i] = motion.halted[i] = False
         motion.speed[i] = motion.acceleration[i] = math.inf
         motion.overloaded[i] = 0.0
-        motion.velocity_mode[i] = self.get('Operating Mode') == VELOCITY_MODE
+        motion.velocity_mode[i] = self.mode == VELOCITY_MODE
         motion.stop_profile(i)
         self.set('Goal Position', self.counts(motion.position[i]))
         self.registered = None
@@ -165,7 +180,7 @@ class SimulatedServo:
     def reboot(self, now):
         """Power-up: silent for a moment, RAM at its initial values."""
         self._clear_ram()
-        self._tick0 = now
+        self.power_up = now
         self.awake_at = now + REBOOT_S
 
     def factory_reset(self, option, now):
@@ -214,28 +229,18 @@ class SimulatedServo:
 
     def counts(self, radians):
         """Position value shown for a horn angle."""
-        return round(self._sign * radians / self.table.position_unit) + self.homing
+        return round(self.sign * radians / self.table.position_unit) + self.homing
 
     def _refresh(self, names, now):
         """Bring what the motion decides up to date, as far as it is asked for."""
-        motion, i, table = self._motion, self._i, self.table
-        speed = self._sign * float(motion.velocity[i]) / table.velocity_unit
-        load = self._sign * float(motion.load[i])
-        values = {
-            'Present Position': lambda: self.counts(motion.position[i]),
-            'Present Velocity': lambda: round(speed),
-            'Position Trajectory': lambda: self.counts(motion.profile_position[i]),
-            'Velocity Trajectory': lambda: round(self._sign * motion.profile_velocity[i] / table.velocity_unit),
-            'Present Load': lambda: round(1000 * load),
-            'Present Current': lambda: round(load * self.get('Current Limit')),
-            'Present PWM': lambda: round(885 * load),
-            'Present Temperature': lambda: round(motion.temperature[i]),
-            'Moving': lambda: abs(speed) > self.get('Moving Threshold'),
-            'Moving Status': lambda: (0x01 * bool(abs(motion.goal[i] - motion.position[i]) < 10 * table.position_unit)
-                                      | 0x02 * bool(abs(motion.profile_velocity[i]) > 1e-6)),
-            'Realtime Tick': lambda: int(1000 * (now - self._tick0)) % 32768}
         for name in names:
-            self.set(name, values[name]())
+            item = self.table[name]
+            value = int(_LIVE[name](self, self._motion, self._i, now)) & (1 << 8 * item.size) - 1
+            self._memory[item.address:item.address + item.size] = value.to_bytes(item.size, 'little')
+
+    def speed_counts(self, speed):
+        """Velocity value shown for a speed in rad/s, not rounded."""
+        return self.sign * speed / self.table.velocity_unit
 
     def _plan(self, address, length):
         """Which live items a read shows, and which runs of memory it copies."""
@@ -327,10 +332,9 @@ class SimulatedServo:
     def _refusal(self, item, part):
         """Why a value may not be written: 0 or a protocol error."""
         name = item.name
-        if name.startswith('Present') or name in _READ_ONLY or name.startswith('Error Code'):
+        if name in _READ_ONLY or name.startswith(('Present', 'Error Code')):
             return Error.ACCESS
-        torque = bool(self.get('Torque Enable'))
-        if item.address < self._eeprom_end and torque:
+        if item.address < self._eeprom_end and self.torque:
             return Error.ACCESS
         value = int.from_bytes(part, 'little', signed=name in _SIGNED)
         if name in _GOALS and self.watchdog == -1:
@@ -347,8 +351,8 @@ class SimulatedServo:
 
     def _range(self, name):
         if name == 'Goal Position':
-            if self.get('Operating Mode') == POSITION_MODE:
-                return self.get('Min Position Limit'), self.get('Max Position Limit')
+            if self.mode == POSITION_MODE:
+                return self.low, self.high
             return -1048575, 1048575
         symmetric = {'Goal Velocity': 'Velocity Limit', 'Goal Current': 'Current Limit', 'Goal PWM': 'PWM Limit'}
         if name in symmetric and symmetric[name] in self.table:
@@ -372,9 +376,9 @@ class SimulatedServo:
                 self._apply('Goal Position')
             motion.torque[i] = bool(value)
         elif name == 'Goal Position':
-            motion.goal[i] = self._sign * (value - self.homing) * table.position_unit
+            motion.goal[i] = self.sign * (value - self.homing) * table.position_unit
         elif name == 'Goal Velocity':
-            motion.goal_velocity[i] = self._sign * value * table.velocity_unit
+            motion.goal_velocity[i] = self.sign * value * table.velocity_unit
         elif name == 'Profile Velocity':
             motion.speed[i] = value * table.velocity_unit if value else math.inf
         elif name == 'Profile Acceleration':

@@ -393,7 +393,7 @@ def test_a_motion_beyond_the_limits_is_followed_as_far_as_they_allow(frequency, 
     """It never falls out of STREAMING, and as soon as the motion is one that the joints can do, the lag is gone."""
     rig = Rig()
     rig.now += phase
-    rig.bridge._ticked = rig.now
+    rig.bridge.ticked = rig.now
     seen, lag, lags = set(), [], []
     for k in range(round(6 * RATE)):
         if k % 4 == 0:
