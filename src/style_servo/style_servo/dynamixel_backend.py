@@ -17,11 +17,12 @@ from dynamixel_sdk import (
     COMM_SUCCESS,
     GroupSyncRead,
     GroupSyncWrite,
-    PacketHandler,
     PortHandler,
 )
+from dynamixel_sdk.protocol2_packet_handler import Protocol2PacketHandler
 
 from style_core.errors import UsageError
+from style_core.live.crc16 import crc16
 from style_servo.backend import BackendFault, Measurement
 from style_servo.control_table import control_table, model_named, models
 
@@ -41,7 +42,8 @@ _HARDWARE = {0x01: 'input voltage', 0x04: 'overheating', 0x08: 'encoder', 0x10: 
 # read every cycle through the indirect data block, in this order
 _FAST = (('Torque Enable', 1), ('Hardware Error Status', 1), ('Bus Watchdog', 1), ('Present Current', 2),
          ('Present Velocity', 4), ('Present Position', 4))
-_FAST_FORMAT = struct.Struct('<BBbhii')
+_FAST_FORMAT = np.dtype([('torque', 'u1'), ('error', 'u1'), ('watchdog', 'i1'), ('current', '<i2'),
+                         ('velocity', '<i4'), ('position', '<i4')])
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,14 @@ class _Port(PortHandler):
         return self.ser.read(length)
 
 
+class _Packets(Protocol2PacketHandler):
+    """The SDK's packets; it makes the table of the checksum anew for each, a quarter of a cycle's processor time."""
+
+    def updateCRC(self, crc_accum, data_blk_ptr, data_blk_size):
+        """Checksum of the first bytes of a packet."""
+        return crc16(bytes(data_blk_ptr[:data_blk_size]), crc_accum)
+
+
 class _Servo:
     """A joint's servo: its table and the conversion between joint angle and position value."""
 
@@ -176,7 +186,7 @@ class DynamixelBackend:
         # of a load in 0.1 % where the model does not measure current
         self._effort_unit = sign * np.array([servo.table.current_unit or 0.001 for servo in self._servos])
         self._port = None
-        self._packets = PacketHandler(2.0)
+        self._packets = _Packets()
         self._run = 0
         self._torque = False
         self._torque_on, self._watchdogs = np.zeros((2, n), dtype=int)
@@ -343,17 +353,19 @@ class DynamixelBackend:
         for i, servo in enumerate(self._servos):
             goals.setdefault(servo.table['Goal Position'].address, []).append(i)
             reads.setdefault(servo.table['Indirect Data 1'].address, []).append(i)
-        self._goal_groups = [(GroupSyncWrite(self._port, self._packets, address, 4), indices)
+        # the packet's parameters, of which only the goals change: ID and goal of every servo
+        row = np.dtype([('id', 'u1'), ('goal', '<i4')])
+        self._goal_groups = [(address, indices, np.array([(self._servos[i].id, 0) for i in indices], row))
                              for address, indices in goals.items()]
         self._read_groups = []
         for address, indices in reads.items():
-            group = GroupSyncRead(self._port, self._packets, address, _FAST_FORMAT.size)
+            group = GroupSyncRead(self._port, self._packets, address, _FAST_FORMAT.itemsize)
             # the SDK leaves the stuffing in fast replies, and positions beyond 16 bits may need some
             fast = self._settings.fast_read and all(self._servos[i].table.zero for i in indices)
             for i in indices:
                 group.addParam(self._servos[i].id)
             # the instruction's bytes and each servo's share of the replies
-            on_line = 22 + len(indices) * (1 + _FAST_FORMAT.size + (4 if fast else 11))
+            on_line = 22 + len(indices) * (1 + _FAST_FORMAT.itemsize + (4 if fast else 11))
             self._read_groups.append((group, indices, fast, self._patience(on_line)))
 
     def _patience(self, n_bytes):
@@ -409,15 +421,15 @@ class DynamixelBackend:
 
     def _goals(self, angles):
         """Position values of joint angles, inside the limits."""
-        counts = np.clip(np.rint(self._zero + angles * self._per_rad), self._low, self._high)
+        counts = np.minimum(np.maximum(np.rint(self._zero + angles * self._per_rad), self._low), self._high)
         return np.where(counts == UNSENDABLE, UNSENDABLE + 1, counts)
 
     def _write_goals(self, counts):
-        for group, indices in self._goal_groups:
-            group.clearParam()
-            for i in indices:
-                group.addParam(self._servos[i].id, list(int(counts[i]).to_bytes(4, 'little', signed=True)))
-            if group.txPacket() != COMM_SUCCESS:
+        if not np.isfinite(counts).all():       # no limiter lets this happen
+            raise ValueError(f'goals {counts}')
+        for address, indices, rows in self._goal_groups:
+            rows['goal'] = counts[indices]
+            if self._packets.syncWriteTxOnly(self._port, address, 4, list(rows.tobytes()), rows.nbytes) != COMM_SUCCESS:
                 self.statistics['write errors'] += 1
                 self._port.is_using = False
 
@@ -441,14 +453,14 @@ class DynamixelBackend:
                 self._port.is_using = False
                 self.statistics['read errors'] += 1
                 return False
-            raw = np.array([_FAST_FORMAT.unpack(bytes(group.data_dict[self._servos[i].id])) for i in indices])
-            for i, (torque, error, watchdog, *_) in zip(indices, raw):
-                if error or watchdog < 0 or (self._torque and not torque):
-                    self._explain(self._servos[i], torque, error, watchdog)
-            self._torque_on[indices], self._watchdogs[indices] = raw[:, 0], raw[:, 2]
-            measurement.effort[indices] = raw[:, 3] * self._effort_unit[indices]
-            measurement.velocity[indices] = raw[:, 4] * self._speed_unit[indices]
-            measurement.position[indices] = (raw[:, 5] - self._zero[indices]) / self._per_rad[indices]
+            raw = np.frombuffer(b''.join([bytes(group.data_dict[self._servos[i].id]) for i in indices]), _FAST_FORMAT)
+            torque, error, watchdog = raw['torque'], raw['error'], raw['watchdog']
+            for k in np.flatnonzero((error != 0) | (watchdog < 0) | (self._torque & (torque == 0))):
+                self._explain(self._servos[indices[k]], torque[k], int(error[k]), watchdog[k])
+            self._torque_on[indices], self._watchdogs[indices] = torque, watchdog
+            measurement.effort[indices] = raw['current'] * self._effort_unit[indices]
+            measurement.velocity[indices] = raw['velocity'] * self._speed_unit[indices]
+            measurement.position[indices] = (raw['position'] - self._zero[indices]) / self._per_rad[indices]
         measurement.fresh = True
         return True
 

@@ -1,5 +1,7 @@
 """Dynamixel Protocol 2.0 packets: CRC, byte stuffing, parsing and building. Used by the simulated bus."""
 
+from style_core.live.crc16 import crc16
+
 __all__ = ['BROADCAST', 'crc16', 'stuff', 'unstuff', 'packet', 'status', 'Parser', 'Instruction', 'Error']
 
 HEADER = b'\xff\xff\xfd'
@@ -21,26 +23,6 @@ class Error:
 
     RESULT_FAIL, INSTRUCTION, CRC, DATA_RANGE, DATA_LENGTH, DATA_LIMIT, ACCESS = 1, 2, 3, 4, 5, 6, 7
     ALERT = 0x80
-
-
-def _crc_table():
-    table = []
-    for byte in range(256):
-        crc = byte << 8
-        for _ in range(8):
-            crc = (crc << 1) ^ (0x8005 if crc & 0x8000 else 0)
-        table.append(crc & 0xFFFF)
-    return tuple(table)
-
-
-_CRC = _crc_table()
-
-
-def crc16(data, crc=0):
-    """CRC-16 with polynomial 0x8005, initial value 0, no reflection."""
-    for byte in data:
-        crc = ((crc << 8) & 0xFFFF) ^ _CRC[(crc >> 8) ^ byte]
-    return crc
 
 
 def stuff(body):

@@ -19,13 +19,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from style_core.errors import MotionError
-from style_core.live.segments import add_decay, evaluate, fade
+from style_core.live.segments import (
+    PEAK_ACCELERATION,
+    PEAK_SPEED,
+    add_decay,
+    decay_between,
+    evaluate,
+    fade,
+    join,
+    largest,
+    quintics,
+)
 
 __all__ = ['Track', 'make_track', 'Playback', 'quintic']
 
-# peak speed and peak acceleration of the quintic step from 0 to 1 in unit time
-PEAK_SPEED = 1.875
-PEAK_ACCELERATION = 10.0 / np.sqrt(3.0)
 # largest 2 s' + x s'' of that step s(x): acceleration of a ramp onto a motion at unit speed
 PEAK_CHASE = 4.6218
 # a posture so near to the motion (rad, rad/s) is on it: the ramp may be shorter than asked
@@ -66,39 +73,13 @@ class Track:
         evaluate(self.knots, self.coefficients, time, 0, position, velocity)
         return position, velocity
 
-    def acceleration(self, time):
-        """Acceleration at ``time`` (s), shape (D,), rad/s^2; zero outside the knots."""
-        if not self.knots[0] <= time < self.knots[-1]:
-            return np.zeros(self.coefficients.shape[1])
-        k = np.searchsorted(self.knots, time, side='right') - 1
-        return _bend(self.coefficients[k], time - self.knots[k])
-
-
-def _bend(coefficients, time):
-    return coefficients[:, 2:] @ (np.array([2.0, 6.0, 12.0, 20.0]) * time ** np.arange(4))
-
 
 def quintic(duration, p0, v0, a0, p1, v1, a1):
     """Coefficients (..., 6) of the quintics between two states; all arguments broadcast (s, rad, rad/s, rad/s^2)."""
-    t = np.asarray(duration, dtype=np.float64)
-    c = 0.5 * a0
-    rise = p1 - p0 - (v0 + c * t) * t
-    slope = (v1 - v0 - a0 * t) * t
-    bend = (a1 - a0) * t * t
-    powers = (p0, v0, c, (10 * rise - 4 * slope + 0.5 * bend) / t**3, (-15 * rise + 7 * slope - bend) / t**4,
-              (6 * rise - 3 * slope + 0.5 * bend) / t**5)
-    coefficients = np.empty((*np.broadcast(*powers).shape, 6))
-    for k, power in enumerate(powers):
-        coefficients[..., k] = power
-    return coefficients
-
-
-def _cubic(duration, p0, v0, p1, v1):
-    coefficients = np.zeros((*p0.shape, 6))
-    slope = (p1 - p0) / duration
-    coefficients[..., 0], coefficients[..., 1] = p0, v0
-    coefficients[..., 2] = (3 * slope - 2 * v0 - v1) / duration
-    coefficients[..., 3] = (v0 + v1 - 2 * slope) / duration**2
+    duration, *states = np.broadcast_arrays(duration, p0, v0, a0, p1, v1, a1)
+    coefficients = np.empty((*duration.shape, 6))
+    quintics(np.array(duration, dtype=np.float64).ravel(), np.array(states, dtype=np.float64).reshape(6, -1),
+             coefficients.reshape(-1, 6))
     return coefficients
 
 
@@ -124,7 +105,9 @@ def _lead_in(wait, position, velocity, current, coast, within, shortest):
         # a cubic that begins faster than this overshoots (Fritsch and Carlson 1980); the rest decays in taking over
         most = 3.0 * (position - current[0]) / wait
         begin = np.clip(current[1], np.minimum(most, 0.0), np.maximum(most, 0.0))
-        way = _cubic(wait, current[0], begin, position, velocity)
+        way = np.empty((1, len(position), 6))
+        join(np.array([0.0, wait]), np.array([current[0], position]), np.array([begin, velocity]), None, 0.0, way)
+        way = way[0]
         bend = 2.0 * np.abs([way[:, 2], way[:, 2] + 3.0 * wait * way[:, 3]])        # linear: largest at an end
         if np.all(np.abs(position - current[0]) <= within[0] * wait) and np.all(bend.max(axis=0) <= within[1]):
             return np.zeros(1), current[0], begin
@@ -166,18 +149,12 @@ def make_track(times, positions, velocities=None, accelerations=None, *, start, 
     MotionError
         If a shape is wrong, a value is not finite, times do not increase, or everything lies in the past.
     """
-    times = np.asarray(times, dtype=np.float64)
-    positions = np.asarray(positions, dtype=np.float64)
+    times = _numbers('times', times)
+    positions = _numbers('positions', positions)
     if positions.ndim != 2 or times.shape != positions.shape[:1] or not times.size:
         raise MotionError(f'times {times.shape} and positions {positions.shape} do not fit together')
-    for name, array in (('velocities', velocities), ('accelerations', accelerations)):
-        if array is not None and np.shape(array) != positions.shape:
-            raise MotionError(f'{name} {np.shape(array)} do not fit positions {positions.shape}')
-    for name, array in (('times', times), ('positions', positions), ('velocities', velocities),
-                        ('accelerations', accelerations)):
-        # far beyond any joint, yet small enough that no polynomial below overflows
-        if array is not None and not np.all(np.abs(array) < 1e9):
-            raise MotionError(f'{name} contain a value that is not finite or absurdly large')
+    velocities, accelerations = (None if array is None else _numbers(name, array, positions.shape)
+                                 for name, array in (('velocities', velocities), ('accelerations', accelerations)))
     if np.any(np.diff(times) <= 1e-6):
         raise MotionError('times of the points do not increase (at least 1 microsecond apart)')
     if times[-1] <= now:
@@ -185,31 +162,33 @@ def make_track(times, positions, velocities=None, accelerations=None, *, start, 
     if velocities is None:
         accelerations = None
         velocities = None if len(times) == 1 else _slopes(times, positions)
-    velocities = np.zeros_like(positions) if velocities is None else np.asarray(velocities, dtype=np.float64)
+    velocities = np.zeros_like(positions) if velocities is None else velocities
     if times[0] > start + 1e-6:
         lead = _lead_in(times[0] - start, positions[0], velocities[0], current, coast, within, shortest)
         times = np.concatenate([start + lead[0], times])
         positions, velocities = np.vstack([lead[1], positions]), np.vstack([lead[2], velocities])
         if accelerations is not None:
             accelerations = np.vstack([np.zeros_like(lead[1]), accelerations])
-    if len(times) > 1:
-        duration = np.diff(times)[:, None]
-        if accelerations is None:
-            coefficients = _cubic(duration, positions[:-1], velocities[:-1], positions[1:], velocities[1:])
-        else:
-            accelerations = np.asarray(accelerations, dtype=np.float64)
-            coefficients = quintic(duration, positions[:-1], velocities[:-1], accelerations[:-1],
-                                   positions[1:], velocities[1:], accelerations[1:])
-    else:
+    if len(times) == 1:
         # one point that lies at the start itself
-        times = np.array([times[0] - 1e-3, times[0]])
-        coefficients = _cubic(np.full((1, 1), 1e-3), positions, np.zeros_like(positions), positions, velocities)
-    if np.any(velocities[-1]):
-        stop = positions[-1] + 0.5 * coast * velocities[-1]
-        rest = quintic(coast, positions[-1], velocities[-1], 0.0, stop, 0.0, 0.0)
-        times = np.append(times, times[-1] + coast)
-        coefficients = np.concatenate([coefficients, rest[None]])
-    return Track(times, np.ascontiguousarray(coefficients), float(start), bool(np.any(velocities[-1])))
+        times, positions = np.array([times[0] - 1e-3, times[0]]), np.vstack([positions, positions])
+        velocities, accelerations = np.vstack([np.zeros_like(velocities), velocities]), None
+    coasts = bool(velocities[-1].any())
+    coefficients = np.empty((len(times) - 1 + coasts, positions.shape[1], 6))
+    join(times, positions, velocities, accelerations, coast, coefficients)
+    knots = np.append(times, times[-1] + coast) if coasts else times
+    return Track(knots, coefficients, float(start), coasts)
+
+
+def _numbers(name, array, shape=None):
+    """An array of finite numbers, of a shape."""
+    array = np.ascontiguousarray(array, dtype=np.float64)
+    if shape is not None and array.shape != shape:
+        raise MotionError(f'{name} {array.shape} do not fit positions {shape}')
+    # far beyond any joint, yet small enough that no polynomial overflows
+    if not largest(array.reshape(1, -1)) < 1e9:
+        raise MotionError(f'{name} contain a value that is not finite or absurdly large')
+    return array
 
 
 class Playback:
@@ -317,21 +296,13 @@ class Playback:
         duration : float
             Of the decay, s.
         """
-        limit_v, limit_a = self._limits
-        bend = -track.acceleration(time)
-        if self._track is not None:
-            bend += self._track.acceleration(time)
-        if time < self._decay_end:
-            bend += _bend(self._decay, time - self._decay_start)
-        before, after = self.source(time), track.at(time)
-        jump, change = self.jump(track, time)
-        drift, change = (np.clip(one, -CONTRADICTION * limit_v, CONTRADICTION * limit_v)
-                         for one in (before[1] - after[1], change))
-        bend = np.clip(bend, -CONTRADICTION * limit_a, CONTRADICTION * limit_a)
-        duration = max(shortest, self._decay_end - time, float(np.max(PEAK_SPEED * np.abs(jump) / limit_v)),
-                       float(np.max(np.sqrt(PEAK_ACCELERATION * np.abs(jump) / limit_a))),
-                       float(np.max(2.0 * np.abs(change) / limit_a)))
-        self._decay = quintic(duration, before[0] - after[0], drift, bend, 0.0, 0.0, 0.0)
+        decay = np.empty((len(self.position), 6))
+        old = None if self._track is None else (self._track.knots, self._track.coefficients)
+        fading = self._decay if time < self._decay_end else None
+        duration = decay_between(old, (track.knots, track.coefficients), time, fading, time - self._decay_start,
+                                 self._decay_end - time, self.position, self.velocity, *self._limits, CONTRADICTION,
+                                 shortest, decay)
+        self._decay = decay
         self._decay_start, self._decay_end = time, time + duration
         self._track, self._hint = track, 0
         return duration
