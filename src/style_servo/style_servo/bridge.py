@@ -138,7 +138,7 @@ class Bridge:
 
     def __init__(self, chain, backend, settings):
         self.chain, self.backend, self.settings = chain, backend, settings
-        names = chain.names
+        self._names = names = chain.names
         self._index = {name: i for i, name in enumerate(names)}
         velocity, acceleration = chain.array('velocity'), chain.array('acceleration')
         self._limiter = Limiter(chain.array('lower'), chain.array('upper'), velocity, acceleration,
@@ -355,14 +355,14 @@ class Bridge:
     def _complete(self, points):
         """Columns in the order of the chain; joints that are not named hold."""
         names = tuple(points.joint_names)
+        if names == self._names:
+            return points
         if len(set(names)) != len(names):
             raise _refusal('joints', 'a joint is named twice')
         unknown = [name for name in names if name not in self._index]
         if unknown:
             raise _refusal('joints', f'unknown joint {", ".join(unknown[:5])}')
-        if names == self.chain.names:
-            return points
-        missing = [name for name in self.chain.names if name not in names]
+        missing = [name for name in self._names if name not in names]
         if missing and (not self.settings.partial_joints or not names):
             raise _refusal('joints', f'no values for joint {", ".join(missing[:5])}')
         columns = [self._index[name] for name in names]

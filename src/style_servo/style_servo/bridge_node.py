@@ -291,9 +291,11 @@ class BridgeNode(SoundLifecycleNode):
         measurement = self._bridge.backend.measurement
         seconds, nanoseconds = divmod(self.get_clock().now().nanoseconds, NANOSECONDS)
         stamp = {'header.stamp.sec': seconds, 'header.stamp.nanosec': nanoseconds}
-        self._commanded.publish(self._command_message.write(
-            {**stamp, 'position': self._bridge.command, 'velocity': self._bridge.command_velocity}))
-        if self._joint_states is not None and measurement.fresh:
+        # nothing is made that nobody hears
+        if self._commanded.get_subscription_count():
+            self._commanded.publish(self._command_message.write(
+                {**stamp, 'position': self._bridge.command, 'velocity': self._bridge.command_velocity}))
+        if self._joint_states is not None and measurement.fresh and self._joint_states.get_subscription_count():
             self._joint_states.publish(self._measured_message.write(
                 {**stamp, 'position': measurement.position, 'velocity': measurement.velocity,
                  'effort': measurement.effort}))

@@ -86,9 +86,9 @@ class ServoLoop:
                 except Empty:
                     pass
                 continue
-            now = clock()
             for _ in range(mail.qsize()):
                 self._do(*mail.get())
+            now = clock()
             self._cycle(now)
             after = clock()
             due = self._begin + self._period * (math.floor((now - self._begin) / self._period) + 1)

@@ -26,8 +26,8 @@ from style_core.live.segments import (
     decay_between,
     evaluate,
     fade,
+    fault_of,
     join,
-    largest,
     quintics,
 )
 
@@ -39,6 +39,8 @@ PEAK_CHASE = 4.6218
 NEAR, SLOW = 0.02, 0.2
 # differences in velocity and acceleration beyond so many limits are left to the limiter
 CONTRADICTION = 2.0
+# far beyond any joint, yet small enough that no polynomial overflows; points nearer in time are none (s)
+ABSURD, CLOSEST_S = 1e9, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,14 +151,19 @@ def make_track(times, positions, velocities=None, accelerations=None, *, start, 
     MotionError
         If a shape is wrong, a value is not finite, times do not increase, or everything lies in the past.
     """
-    times = _numbers('times', times)
-    positions = _numbers('positions', positions)
+    times, positions, velocities, accelerations = (
+        None if array is None else np.ascontiguousarray(array, dtype=np.float64)
+        for array in (times, positions, velocities, accelerations))
     if positions.ndim != 2 or times.shape != positions.shape[:1] or not times.size:
         raise MotionError(f'times {times.shape} and positions {positions.shape} do not fit together')
-    velocities, accelerations = (None if array is None else _numbers(name, array, positions.shape)
-                                 for name, array in (('velocities', velocities), ('accelerations', accelerations)))
-    if np.any(np.diff(times) <= 1e-6):
+    for name, array in (('velocities', velocities), ('accelerations', accelerations)):
+        if array is not None and array.shape != positions.shape:
+            raise MotionError(f'{name} {array.shape} do not fit positions {positions.shape}')
+    fault = fault_of(times, positions, velocities, accelerations, ABSURD, CLOSEST_S)
+    if fault == 'order':
         raise MotionError('times of the points do not increase (at least 1 microsecond apart)')
+    if fault:
+        raise MotionError(f'{fault} contain a value that is not finite or absurdly large')
     if times[-1] <= now:
         raise MotionError(f'the trajectory ended {now - times[-1]:.3f} s ago')
     if velocities is None:
@@ -176,19 +183,11 @@ def make_track(times, positions, velocities=None, accelerations=None, *, start, 
     coasts = bool(velocities[-1].any())
     coefficients = np.empty((len(times) - 1 + coasts, positions.shape[1], 6))
     join(times, positions, velocities, accelerations, coast, coefficients)
-    knots = np.append(times, times[-1] + coast) if coasts else times
-    return Track(knots, coefficients, float(start), coasts)
-
-
-def _numbers(name, array, shape=None):
-    """An array of finite numbers, of a shape."""
-    array = np.ascontiguousarray(array, dtype=np.float64)
-    if shape is not None and array.shape != shape:
-        raise MotionError(f'{name} {array.shape} do not fit positions {shape}')
-    # far beyond any joint, yet small enough that no polynomial overflows
-    if not largest(array.reshape(1, -1)) < 1e9:
-        raise MotionError(f'{name} contain a value that is not finite or absurdly large')
-    return array
+    if coasts:
+        knots = np.empty(len(times) + 1)
+        knots[:-1], knots[-1] = times, times[-1] + coast
+        times = knots
+    return Track(times, coefficients, float(start), coasts)
 
 
 class Playback:

@@ -69,21 +69,34 @@ def join(const double[::1] times, const double[:, ::1] positions, const double[:
                           positions[n - 1, i] + 0.5 * coast * velocities[n - 1, i], 0.0, 0.0)
 
 
-def largest(const double[:, ::1] values):
-    """Largest magnitude; NaN where there is one."""
-    cdef Py_ssize_t i, n = values.shape[0] * values.shape[1]
-    cdef double most = 0.0
-    cdef const double* value
-    if n == 0:
-        return 0.0
-    value = &values[0, 0]
+cdef bint within(const double* values, Py_ssize_t n, double most) noexcept nogil:
+    cdef Py_ssize_t i
     for i in range(n):
-        # written so that NaN stays
-        if not fabs(value[i]) <= most:
-            most = fabs(value[i])
-            if most != most:
-                break
-    return most
+        if not fabs(values[i]) < most:      # also where it is NaN
+            return False
+    return True
+
+
+def fault_of(const double[::1] times, const double[:, ::1] positions, const double[:, ::1] velocities,
+             const double[:, ::1] accelerations, double most, double closest):
+    """What is wrong with points: '', the name of the argument with a value not below ``most``, or 'order'.
+
+    'order' where times do not increase by more than ``closest``; velocities and accelerations may be None.
+    """
+    cdef Py_ssize_t k, n = positions.shape[0] * positions.shape[1]
+    if not within(&times[0], times.shape[0], most):
+        return 'times'
+    if n:
+        if not within(&positions[0, 0], n, most):
+            return 'positions'
+        if velocities is not None and not within(&velocities[0, 0], n, most):
+            return 'velocities'
+        if accelerations is not None and not within(&accelerations[0, 0], n, most):
+            return 'accelerations'
+    for k in range(times.shape[0] - 1):
+        if times[k + 1] - times[k] <= closest:
+            return 'order'
+    return ''
 
 
 cdef Py_ssize_t segment(const double[::1] knots, double time, Py_ssize_t hint) noexcept nogil:
