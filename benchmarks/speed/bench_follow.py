@@ -1,10 +1,12 @@
-"""Follow mode end to end: from a person's joint state to the servos' goals, at 100 Hz.
+"""Follow mode end to end: from a person's joint state to the servos' goals, joint states at 100 Hz, servos at 200 Hz.
 
     source install/setup.bash
     python benchmarks/speed/bench_follow.py
 
 `mirror.launch.py` runs as a user starts it: predictor, synthesizer in follow mode, servo bridge at 200 Hz, 20 simulated
-servos, each a process. An endless walk made by the shipped model comes in at 100 Hz. What is followed through the
+servos, each a process. An endless walk made by the shipped model comes in at 100.1 Hz: no whole fraction of the
+bridge's rate, so that inputs fall on every moment between two of its cycles alike, as those of a person do. Predictor
+and synthesizer answer each message as it comes; only the bridge has a clock. What is followed through the
 chain, message by message:
 
     input       the joint state's stamp, taken right before it is published
@@ -47,9 +49,10 @@ from style_predictor.templates import MessageTemplate
 from style_servo.record import read_record
 
 ROOT = Path(__file__).resolve().parents[2]
-RATE = 100.0
+RATE = 100.1
 # a busy machine can keep the simulator from answering for a while; real servos answer in time
 PATIENT = {'reply_timeout': 0.1, 'watchdog': 2.0, 'error_run': 50, 'following_time': 5.0}
+BRIDGE_RATE = 200.0
 SETTLE_S = 6.0      # of streaming before the measurement
 
 
@@ -85,7 +88,7 @@ def stamp_of(data):
 
 def measure(seconds, priority, folder):
     """Run the chain; returns stamps of inputs (ns), and what was heard, recorded and received by the servos."""
-    bridge = {**PATIENT, 'rate': 200.0, 'realtime_priority': priority}
+    bridge = {**PATIENT, 'rate': BRIDGE_RATE, 'realtime_priority': priority}
     params = folder / 'bridge.yaml'
     params.write_text('/**:\n  ros__parameters:\n' + ''.join(f'    {k}: {v}\n' for k, v in bridge.items()))
     flight, wire = folder / 'flight', folder / 'wire'
@@ -169,7 +172,8 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         times = latencies(*measure(arguments.seconds, arguments.priority, Path(folder)))
     whole = ~np.isnan(times).any(axis=1)
-    print(f'{len(times)} inputs at {RATE:g} Hz, {np.count_nonzero(~whole)} lost; load {os.getloadavg()[0]:.1f} on '
+    print(f'{len(times)} inputs at {RATE:g} Hz, bridge at {BRIDGE_RATE:g} Hz; '
+          f'{np.count_nonzero(~whole)} lost; load {os.getloadavg()[0]:.1f} on '
           f'{os.cpu_count()} processors')
     if not whole.any():
         return 1

@@ -5,8 +5,9 @@
 
 Times of the first table are compared with the same mathematics in plain Python and in scipy, in the same run. For the
 second, the node runs as a process of its own, the simulated chain (a pseudo-terminal) as another; windows of 20 points
-stream in at 50 Hz over the middleware. A period error is the difference between the beginnings of two cycles, less the
-period, as the node counts them in its diagnostics. They depend on how busy the machine is; the load is printed.
+stream in at 50 Hz over the middleware. A period error is the difference between the beginnings of two cycles (right
+before the command is computed, after whatever else was done first), less the period, as the node counts them in its
+diagnostics. They depend on how busy the machine is; the load is printed.
 """
 import argparse
 import math

@@ -164,6 +164,7 @@ class Bridge:
         self.trace = None
         self.playing = math.nan
         self.ticked = math.nan
+        self._begun = -math.inf     # when what plays took over
         self._pending = deque()
         self._accepted_at = -math.inf
         self._since = self._ramp_end = 0.0
@@ -411,7 +412,7 @@ class Bridge:
             self.machine.happen(Event.TRAJECTORY)
             self._since, self.reason = now, ''
             self._reject_run, self._behind[:] = 0, 0
-        self.playing = stamp
+        self.playing, self._begun = stamp, now
 
     def _begin_waiting(self, points, start, stamp, now):
         try:
@@ -446,7 +447,7 @@ class Bridge:
         self.ticked += periods * period
         if periods > most and self.state in (State.RAMPING, State.STREAMING):
             # time is lost, so the target has moved on: that is no jump of the sender's
-            self._limiter.expect(self._playback.sample(now - most * period)[0])
+            self._limiter.expect(self._playback.sample(max(now - most * period, self._begun))[0])
         periods = min(periods, most)
         for k in range(periods - 1, -1, -1):
             self._step(now - k * period)
@@ -455,12 +456,13 @@ class Bridge:
 
     def _step(self, now):
         """Limit one period's command."""
-        self._advance(now)
+        at = max(now, self._begun)      # periods missed before a trajectory took over aim at its beginning
+        self._advance(at)
         if self.state in (State.READY, State.RAMPING, State.STREAMING):
-            position, velocity = self._playback.sample(now)
+            position, velocity = self._playback.sample(at)
             self._limiter.step(position, velocity)
             self.target[:] = position
-            self._judge_bands(now)
+            self._judge_bands(at)
         else:
             self._limiter.brake()
             self.target[:] = self.command

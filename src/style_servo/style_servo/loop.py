@@ -4,6 +4,7 @@ import math
 import threading
 import time
 from concurrent.futures import Future, wait
+from contextlib import suppress
 from queue import Empty, SimpleQueue
 
 __all__ = ['ServoLoop']
@@ -19,7 +20,8 @@ class ServoLoop:
     While it runs, the bridge belongs to its thread: everybody else hands functions over with :meth:`post` or
     :meth:`ask`. They are called in their order, at once where the thread sleeps, and in any case before the next cycle.
     Deadlines are absolute, so cycles do not drift. After one that took longer than its period the next begins at once;
-    periods missed altogether are left out (the cycle sees it by its time). Garbage is collected in the slack after a cycle and nowhere else.
+    periods missed altogether are left out (the cycle sees it by its time). Garbage is collected in the slack after a
+    cycle and nowhere else.
 
     Parameters
     ----------
@@ -81,10 +83,11 @@ class ServoLoop:
         while not self._stop:
             left = due - clock()
             if left > 0:
-                try:
-                    self._do(*mail.get(timeout=left))
-                except Empty:
-                    pass
+                job = None
+                with suppress(Empty):
+                    job = mail.get(timeout=left)
+                if job is not None:
+                    self._do(*job)
                 continue
             for _ in range(mail.qsize()):
                 self._do(*mail.get())

@@ -154,6 +154,30 @@ def test_late_ticks_make_up_for_missed_periods_within_the_limits():
     assert np.all(np.abs(steps) <= 3.0 / RATE) and np.all(np.abs(np.diff(steps, axis=0)) <= 20.0 / RATE / RATE)
 
 
+@pytest.mark.parametrize('late', [0.011, 0.03, 0.2])
+@pytest.mark.parametrize('begin', [0.0, 2.0])
+def test_a_trajectory_that_comes_right_before_a_late_tick_is_no_jump(late, begin):
+    """The periods made up for lie before it took over."""
+    rig, rows = Rig().run(0.1), []
+    rig.bridge.trace = lambda now, state, target, command, measured, playing: rows.append((*target, *command))
+    rig.now += late
+    if begin:
+        rig.send([begin], [[0.5, -0.5]])
+    else:
+        rig.wave()
+    assert rig.bridge.tick(rig.now) > 1
+    assert rig.bridge.state in (State.RAMPING, State.STREAMING)
+    rig.run(0.2)
+    if not begin:
+        rig.stream(1.0).now += late
+        rig.wave()      # takes over in the middle of a motion
+        rig.bridge.tick(rig.now)
+    assert rig.bridge.counts['limiter rejections'] == 0
+    assert np.all(np.isfinite(rows)) and np.abs(rows).max() < 1.0
+    steps = np.diff(np.array(rows)[:, 2:], axis=0)
+    assert np.all(np.abs(steps) <= 3.0 / RATE) and np.all(np.abs(np.diff(steps, axis=0)) <= 20.0 / RATE / RATE)
+
+
 def test_a_long_pause_is_not_made_up_for():
     rig = Rig().stream(2.0)
     rig.now += 3.0

@@ -306,6 +306,26 @@ def test_a_port_in_use(connected):
     refuses(backend_for(simulator, joints(4)), 'another program uses it')
 
 
+def test_a_read_only_port(tmp_path):
+    """On a file system that is mounted read-only, in a mount namespace of its own."""
+    port = tmp_path / 'port'
+    mounted = f'mount -t tmpfs none {tmp_path} && touch {port} && mount -o remount,ro {tmp_path}'
+    if subprocess.run(['unshare', '-rm', 'sh', '-c', mounted], capture_output=True, timeout=30).returncode:
+        pytest.skip('no mount namespaces here')
+    code = f"""
+from style_servo.chain import Chain, Joint
+from style_servo.dynamixel_backend import BusSettings, DynamixelBackend
+try:
+    DynamixelBackend(Chain((Joint('a', -2.0, 2.0, 1.0, 20.0, id=1, model='{MODEL}'),)), BusSettings('{port}'),
+                     {PERIOD}).connect()
+except Exception as error:
+    print(type(error).__name__, error)
+"""
+    answer = subprocess.run(['unshare', '-rm', 'sh', '-c', f'{mounted} && exec "$0" -c "$1"', sys.executable, code],
+                            capture_output=True, text=True, timeout=30)
+    assert 'BackendFault' in answer.stdout and 'it is read-only' in answer.stdout, answer
+
+
 def test_a_port_without_permission(simulate):
     simulator = simulate('--servos', '1:XM430-W350')
     os.chmod(os.path.realpath(simulator.link), 0o444)

@@ -1,4 +1,6 @@
 """Trajectories as bytes: what the middleware's own reader finds in them, and an error for everything else."""
+import struct
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -77,3 +79,44 @@ def test_lengths_that_differ_between_points_are_refused():
         TrajectoryReader(2).read(serialization.serialize_message(message(np.random.default_rng(0), 2, 3)))
     with pytest.raises(MotionError, match='0 joints'):
         TrajectoryReader().read(serialization.serialize_message(message(np.random.default_rng(0), 0, 3)))
+
+
+def big_endian(sent):
+    """A message as a big-endian machine would send it."""
+    out = bytearray(4)
+
+    def put(kind, *values):
+        size = struct.calcsize(kind)
+        out.extend(bytes((4 - len(out)) % size))
+        out.extend(struct.pack(f'>{len(values)}{kind}', *values))
+
+    def text(one):
+        put('I', len(one) + 1)
+        out.extend(one.encode() + b'\0')
+    put('i', sent.header.stamp.sec)
+    put('I', sent.header.stamp.nanosec)
+    text(sent.header.frame_id)
+    put('I', len(sent.joint_names))
+    for name in sent.joint_names:
+        text(name)
+    put('I', len(sent.points))
+    for point in sent.points:
+        for field in ('positions', 'velocities', 'accelerations', 'effort'):
+            values = getattr(point, field)
+            put('I', len(values))
+            if len(values):
+                put('d', *values)
+        put('i', point.time_from_start.sec)
+        put('I', point.time_from_start.nanosec)
+    return bytes(out)
+
+
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 7), k=st.integers(1, 5), velocities=st.booleans())
+@settings(max_examples=50, deadline=None)
+def test_byte_order_makes_no_difference(seed, n, k, velocities):
+    sent = message(np.random.default_rng(seed), n, k, velocities, True)
+    here, there = (TrajectoryReader().read(data) for data in (serialization.serialize_message(sent), big_endian(sent)))
+    assert here[0] == there[0] and here[1].joint_names == there[1].joint_names
+    for field in ('times', 'positions', 'velocities', 'accelerations'):
+        one, other = getattr(here[1], field), getattr(there[1], field)
+        assert one is other is None or np.array_equal(one, other)
