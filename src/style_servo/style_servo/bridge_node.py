@@ -158,14 +158,14 @@ class BridgeNode(SoundLifecycleNode):
     @transition
     def on_activate(self, state):
         """Torque on at the measured posture."""
+        gc.collect()
+        gc.freeze()     # what is there now stays; the collector need not look at it again
         try:
             self._bridge.arm(time.monotonic())
         except BackendFault as error:
             raise UsageError(str(error)) from None
         result = super().on_activate(state)
         self._times = CycleTimes(self._period)
-        gc.collect()
-        gc.freeze()     # what is there now stays; the collector need not look at it again
         self._note_state()
         self._loop = ServoLoop(self._cycle, self._bridge.ticked, self._period, self._news.trigger)
         return result
