@@ -1,4 +1,5 @@
 """Stream the trajectory of a robot from a model and a style: the synthesizer as a lifecycle node."""
+import gc
 import sys
 from pathlib import Path
 from time import perf_counter
@@ -66,6 +67,8 @@ class SynthesizerNode(SoundLifecycleNode):
         self._timers_made = [self.create_timer(1.0 / values['rate'], self._tick),
                              self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))]
         self._told, self._status_due, self._at_rest = None, 0.0, False
+        gc.collect()
+        gc.freeze()     # what is loaded now stays; the collector need not look at it again while estimates wait
         self.get_logger().info(f'configured with {stage.repertoire.name or "a recording"} for {robot.name}: '
                                f'{len(stage.joint_names)} joints, mode {stage.mode}')
         return TransitionCallbackReturn.SUCCESS
