@@ -172,8 +172,10 @@ class ServoRig:
 
     def up(self):
         """Configure and activate; again where a busy machine kept the simulated servos from answering."""
-        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
-            assert any(self.change(transition) for _ in range(4)), self.log()
+        assert any(self.change(Transition.TRANSITION_CONFIGURE) for _ in range(4)), self.log()
+        # a launch file may activate what has been configured before we do
+        assert any(self.change(Transition.TRANSITION_ACTIVATE) or self.spin(0.1) or self.state is State.READY
+                   for _ in range(4)), self.log()
         self.until(lambda: self.state is State.READY)
         return self
 
