@@ -30,10 +30,17 @@ class PromptExecutor(SingleThreadedExecutor):
     wakes the executor) are waited for; everything else is looked at every 10 ms, just after one of them was served,
     when the next is not due yet. Garbage is collected at that moment too, where `run` has taken over collecting it.
     Callbacks of timers and subscriptions must be plain functions.
+
+    Parameters
+    ----------
+    context : rclpy.Context, optional
+    services_wait : bool
+        False: everything is always waited for, as an emergency stop may be a service.
     """
 
-    def __init__(self, *, context=None):
+    def __init__(self, *, context=None, services_wait=True):
         super().__init__(context=context)
+        self._services_wait = services_wait
         self._changed = True
         self._held = ExitStack()
         self._flowing = False
@@ -71,7 +78,7 @@ class PromptExecutor(SingleThreadedExecutor):
             super().spin_once(timeout_sec)
             return
         if not self._flowing:
-            self._flowing = self._serve(self._whole, timeout_sec)
+            self._flowing = self._serve(self._whole, timeout_sec) and self._services_wait
             self._tidy()
             return
         if (now := monotonic()) >= self._look_at:
@@ -192,7 +199,7 @@ def _of(entities, pointers):
     return [one for one in entities if one.handle.pointer in pointers] if pointers else ()
 
 
-def run(make_node, name, until=None, args=None, switch_interval=0.0005):
+def run(make_node, name, until=None, args=None, switch_interval=0.0005, services_wait=True):
     """Run a node until it is told to stop; returns the exit status of its program.
 
     Parameters
@@ -206,6 +213,8 @@ def run(make_node, name, until=None, args=None, switch_interval=0.0005):
         Takes the node; true when it is done.
     args : list of str, optional
         Command line.
+    services_wait : bool
+        See PromptExecutor.
     switch_interval : float
         After this long (s) a thread that computes lets another one in: a model loading in its thread must not hold up
         messages.
@@ -213,7 +222,7 @@ def run(make_node, name, until=None, args=None, switch_interval=0.0005):
     sys.setswitchinterval(switch_interval)
     gc.disable()  # the executor collects between messages
     rclpy.init(args=args)
-    node, executor = None, PromptExecutor()
+    node, executor = None, PromptExecutor(services_wait=services_wait)
     try:
         node = make_node()
         executor.add_node(node)

@@ -349,7 +349,7 @@ class BridgeNode(SoundLifecycleNode):
 
 def main(args=None):
     """Run the node until it is told to stop; the motors are released on every way out that Python sees."""
-    return run(BridgeNode, 'servo_bridge', args=args, switch_interval=SWITCH_S)
+    return run(BridgeNode, 'servo_bridge', args=args, switch_interval=SWITCH_S, services_wait=False)
 
 
 if __name__ == '__main__':
