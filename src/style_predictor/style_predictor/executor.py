@@ -16,6 +16,8 @@ __all__ = ['PromptExecutor', 'run']
 #: while messages or timers keep coming, how often everything else is looked at, and after how long a silence they no
 #: longer do, s
 LOOK_EVERY, SILENCE = 0.01, 0.05
+#: no wait is longer, s: a signal that comes between two waits is noticed nevertheless
+LONGEST = 1.0
 
 
 class PromptExecutor(SingleThreadedExecutor):
@@ -78,7 +80,8 @@ class PromptExecutor(SingleThreadedExecutor):
             super().spin_once(timeout_sec)
             return
         if not self._flowing:
-            self._flowing = self._serve(self._whole, timeout_sec) and self._services_wait
+            longest = LONGEST if timeout_sec is None else min(timeout_sec, LONGEST)
+            self._flowing = self._serve(self._whole, longest) and self._services_wait
             self._tidy()
             return
         if (now := monotonic()) >= self._look_at:
@@ -96,7 +99,7 @@ class PromptExecutor(SingleThreadedExecutor):
             add(handle)
         for one in waitables:
             one.add_to_wait_set(wait_set)
-        wait_set.wait(-1 if timeout_sec is None else round(timeout_sec * 1e9))
+        wait_set.wait(round(timeout_sec * 1e9))
         if self._is_shutdown:
             return False
         if not self._context.ok():
