@@ -1,4 +1,5 @@
 """The commands of ros2cli that a Humble from PyPI lacks and scripts/ros_prefix adds."""
+import os
 import signal
 import subprocess
 import threading
@@ -77,3 +78,21 @@ def test_ctrl_c_cancels_the_goal():
         server.destroy()
         node.destroy_node()
         rclpy.try_shutdown(context=context)
+
+
+@pytest.mark.parametrize('between_s', [0.0, 0.05, 0.3])
+def test_launch_and_bridge_end_cleanly_after_two_quick_ctrl_c(between_s):
+    process = subprocess.Popen(['ros2', 'launch', 'style_bringup', 'servo.launch.py', 'sim:=true'],
+                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+    try:
+        for line in process.stdout:
+            if 'READY' in line:
+                break
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: everyone gets it
+        time.sleep(between_s)
+        os.killpg(process.pid, signal.SIGINT)
+        said, _ = process.communicate(timeout=60)
+        assert '[bridge-2]: process has finished cleanly' in said
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)

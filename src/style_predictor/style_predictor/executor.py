@@ -1,5 +1,6 @@
 """Run a node with little between a message and its callback; every node of the suite is run by `run`."""
 import gc
+import signal
 import sys
 from contextlib import ExitStack
 from time import monotonic
@@ -241,6 +242,7 @@ def run(make_node, name, until=None, args=None, switch_interval=0.0005, services
     finally:
         gc.enable()
         if node is not None:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C must not interrupt letting go of motors
             getattr(node, 'release', lambda: None)()
             executor.shutdown()
             node.destroy_node()

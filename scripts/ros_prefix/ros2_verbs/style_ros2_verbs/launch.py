@@ -80,7 +80,24 @@ def launch(path, arguments, args):
                             noninteractive=args.noninteractive, debug=args.debug)
     service.include_launch_description(LaunchDescription([
         IncludeLaunchDescription(AnyLaunchDescriptionSource(path), launch_arguments=arguments)]))
-    return service.run()
+    try:
+        return service.run()
+    finally:
+        end_own_node(service.context)
+
+
+def end_own_node(context):
+    """
+    End the node of the launch process itself.
+
+    A second SIGINT right after the first can skip launch_ros's own handler, and its thread would keep the process.
+    """
+    adapter = getattr(context.locals, 'ros_adapter', None)
+    if adapter is not None:
+        try:
+            adapter.shutdown()
+        except RuntimeError:
+            pass  # the handler has done it
 
 
 def show_arguments(description):
