@@ -1,4 +1,5 @@
 """``ros2 launch``."""
+import contextlib
 import os
 
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
@@ -94,10 +95,8 @@ def end_own_node(context):
     """
     adapter = getattr(context.locals, 'ros_adapter', None)
     if adapter is not None:
-        try:
+        with contextlib.suppress(RuntimeError):  # the handler has done it
             adapter.shutdown()
-        except RuntimeError:
-            pass  # the handler has done it
 
 
 def show_arguments(description):
