@@ -31,6 +31,7 @@ from pathlib import Path
 os.environ.setdefault('ROS_LOCALHOST_ONLY', '1')
 os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
 
+import machine
 import numpy as np
 
 try:
@@ -168,8 +169,9 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--seconds', type=float, default=20.0, help='length of the measurement (default %(default)s)')
     parser.add_argument('--priority', type=int, default=0, help='real-time priority of the bridge (default: none)')
+    machine.add_argument(parser)
     arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, machine.watched(arguments.awake):
         times = latencies(*measure(arguments.seconds, arguments.priority, Path(folder)))
     whole = ~np.isnan(times).any(axis=1)
     print(f'{len(times)} inputs at {RATE:g} Hz, bridge at {BRIDGE_RATE:g} Hz; '

@@ -19,6 +19,7 @@ from pathlib import Path
 os.environ.setdefault('ROS_LOCALHOST_ONLY', '1')
 os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
 
+import machine
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -230,6 +231,7 @@ def main():
     parser.add_argument('--core', type=int, help='pin the node to this core')
     parser.add_argument('--only', choices=('templates', 'relay', 'latency', 'rate'), nargs='+',
                         help='some of the measurements (default: all)')
+    machine.add_argument(parser)
     args = parser.parse_args()
     wanted = args.only or ('templates', 'relay', 'latency', 'rate')
     load = os.getloadavg()[0]
@@ -237,7 +239,7 @@ def main():
           f'{load:.1f}' + (' (not idle: latencies say little)' if load > 1 else ''))
     if 'templates' in wanted:
         templates()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, machine.watched(args.awake):
         middleware = floor(folder, 56, 200, args.seconds, args.core) if 'relay' in wanted else None
         if 'latency' in wanted:
             held(folder, 56, 200, args.seconds, 0.0, args.core, middleware)

@@ -17,6 +17,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import machine
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
@@ -163,10 +164,12 @@ def main():
                         help='also measure the bridge node on a simulated chain (needs ROS)')
     parser.add_argument('--seconds', type=float, default=20.0, help='length of that measurement (default %(default)s)')
     parser.add_argument('--priority', type=int, default=0, help='real-time priority of the node (default: none)')
+    machine.add_argument(parser)
     arguments = parser.parse_args()
     mathematics()
     if arguments.bridge:
-        bridge(arguments.seconds, arguments.priority)
+        with machine.watched(arguments.awake):
+            bridge(arguments.seconds, arguments.priority)
 
 
 if __name__ == '__main__':
