@@ -31,8 +31,8 @@ def watched(awake):
         for process in busy:
             process.kill()
             process.wait()
-        print(f'cores {"kept awake" if awake else "free to sleep"}; a host took {100 * stolen / max(total, 1):.2f} % of '
-              'their time away')
+        print(f'cores {"kept awake" if awake else "free to sleep"}; a host took '
+              f'{100 * stolen / max(total, 1):.2f} % of their time away')
 
 
 def _ticks():
