@@ -36,9 +36,9 @@ def main():
     os.environ['ROS_DOMAIN_ID'] = os.environ.get('STYLE_DEMO_DOMAIN', str(1 + os.getpid() % 100))
     os.environ.setdefault('OMP_NUM_THREADS', '1')
 
-    from demo_launch import launch, stop
     from demo_material import material
     from demo_report import report
+    from launching import launch, stop
     from recording import Recorder
 
     args.output.mkdir(parents=True, exist_ok=True)

@@ -191,8 +191,8 @@ def main():
     os.environ['ROS_LOCALHOST_ONLY'] = '1'
     os.environ['ROS_DOMAIN_ID'] = os.environ.get('STYLE_DEMO_DOMAIN', str(1 + os.getpid() % 100))
     os.environ.setdefault('OMP_NUM_THREADS', '1')
-    from demo_launch import launch, stop
     from demo_material import material
+    from launching import launch, stop
 
     from style_servo.record import read_record
     args.output.mkdir(parents=True, exist_ok=True)

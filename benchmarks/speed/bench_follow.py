@@ -21,8 +21,6 @@ counted as lost. The stages between are printed as well, so that one sees what d
 import argparse
 import json
 import os
-import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -38,6 +36,7 @@ try:
     import rclpy
 except ModuleNotFoundError:
     sys.exit('this needs ROS; source install/setup.bash first')
+from node_rig import STAMP, stamps_of
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -82,13 +81,10 @@ class Listener:
             self.heard.append((taken[0], taken[1]['source_timestamp']))
 
 
-def stamp_of(data):
-    """Stamp of the header that a serialised message begins with, ns."""
-    return int.from_bytes(data[4:8], 'little') * 10**9 + int.from_bytes(data[8:12], 'little')
-
-
 def measure(seconds, priority, folder):
     """Run the chain; returns stamps of inputs (ns), and what was heard, recorded and received by the servos."""
+    sys.path.insert(0, str(ROOT / 'scripts'))
+    from launching import launch, stop
     bridge = {**PATIENT, 'rate': BRIDGE_RATE, 'realtime_priority': priority}
     params = folder / 'bridge.yaml'
     params.write_text('/**:\n  ros__parameters:\n' + ''.join(f'    {k}: {v}\n' for k, v in bridge.items()))
@@ -96,10 +92,8 @@ def measure(seconds, priority, folder):
     model = ROOT / 'config' / 'models' / 'locomotion.npz'
     names, positions = walk(model, 120.0)
     with (folder / 'log').open('w') as log:
-        launch = subprocess.Popen(
-            ['ros2', 'launch', str(ROOT / 'launch' / 'mirror.launch.py'), 'file:=', f'model:={model}',
-             f'bridge_params:={params}', f'record:={flight}', f'sim_options:=--record {wire}'],
-            stdout=log, stderr=log, start_new_session=True)
+        nodes = launch([str(ROOT / 'launch' / 'mirror.launch.py'), 'file:=', f'model:={model}',
+                        f'bridge_params:={params}', f'record:={flight}', f'sim_options:=--record {wire}'], log)
     rclpy.init()
     node = rclpy.create_node('bench_follow')
     try:
@@ -115,8 +109,7 @@ def measure(seconds, priority, folder):
             due += 1 / RATE
             time.sleep(max(0.0, due - time.monotonic()))
             now = time.time_ns()
-            publisher.publish(template.write({'header.stamp.sec': now // 10**9, 'header.stamp.nanosec': now % 10**9,
-                                              'position': positions[k % len(positions)]}))
+            publisher.publish(template.write({'position': positions[k % len(positions)]}, now))
             k += 1
             if streaming is not None and time.monotonic() > streaming + SETTLE_S:
                 inputs.append(now)
@@ -125,18 +118,13 @@ def measure(seconds, priority, folder):
             if streaming is None and states.heard and \
                     rclpy.serialization.deserialize_message(states.heard[-1][0], BridgeState).state == 3:
                 streaming = time.monotonic()
-            if launch.poll() is not None or time.monotonic() > begin + 90.0 + seconds:
+            if nodes.poll() is not None or time.monotonic() > begin + 90.0 + seconds:
                 raise SystemExit('the chain never came to stream:\n' + (folder / 'log').read_text()[-2000:])
         time.sleep(0.3)
         for listener in (estimates, windows):
             listener.take()
     finally:
-        os.killpg(launch.pid, signal.SIGINT)
-        try:
-            launch.wait(30)
-        except subprocess.TimeoutExpired:
-            os.killpg(launch.pid, signal.SIGKILL)
-            launch.wait()
+        stop(nodes)
         node.destroy_node()
         rclpy.shutdown()
     goals = np.array([json.loads(line)[0] for line in wire.read_text().splitlines() if line.endswith(']')])
@@ -154,9 +142,9 @@ def latencies(inputs, estimates, windows, record, goals):
     """Times of every stage of every input, s of the wall clock: (N, 5); NaN from the stage on that never came."""
     # monotonic to wall clock
     offset = time.time() - time.monotonic()
-    published = {stamp_of(data): 1e-9 * when for data, when in estimates}
-    estimate = np.array([published.get(int(stamp), np.nan) for stamp in inputs])
-    window = first(np.sort([1e-9 * stamp_of(data) for data, _ in windows]), estimate)
+    published = dict(zip(stamps_of([data[STAMP] for data, _ in estimates]), [1e-9 * when for _, when in estimates]))
+    estimate = np.array([published.get(stamp, np.nan) for stamp in inputs])
+    window = first(np.sort(1e-9 * stamps_of([data[STAMP] for data, _ in windows])), estimate)
     playing = np.maximum.accumulate(np.nan_to_num(record.playing))
     place = np.searchsorted(playing, np.nan_to_num(window, nan=np.inf) - 1e-6)
     cycle = np.append(record.time + offset, np.nan)[np.minimum(place, len(record.time))]

@@ -83,11 +83,6 @@ class Run:
         if 'update time p50, p99 (ms)' in facts:
             self.facts = facts
 
-    def cpu_seconds(self):
-        """Processor time of the node so far."""
-        fields = Path(f'/proc/{self.process.pid}/stat').read_text().rpartition(')')[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
-
     def play(self, joints, rate, seconds):
         """Publish a walk of so many joints, and wait for what comes back."""
         walk = widened(synthetic_people(1, seed=5, duration_s=30.0)[0], joints)
@@ -174,9 +169,9 @@ def held(folder, joints, rate, seconds, limit, core, middleware=None):
                 '-p', 'horizon:=0.4166667', '--log-level', 'warn')
     try:
         trial.activate()
-        before = trial.cpu_seconds()
+        before = machine.processor_time(trial.process.pid)
         trial.play(joints, rate, seconds)
-        busy = 1e6 * (trial.cpu_seconds() - before) / max(trial.total, 1)
+        busy = 1e6 * (machine.processor_time(trial.process.pid) - before) / max(trial.total, 1)
     finally:
         trial.close()
     sent, count, times = trial.stages('predict')

@@ -124,9 +124,9 @@ def bridge(seconds, priority):
             stream(4.0)
             assert rig.state is State.STREAMING, rig.reason
             rig.diagnostics.clear()
-            busy, begin = processor_time(rig.bridge.pid), time.monotonic()
+            busy, begin = machine.processor_time(rig.bridge.pid), time.monotonic()
             stream(seconds)
-            busy = (processor_time(rig.bridge.pid) - busy) / (time.monotonic() - begin)
+            busy = (machine.processor_time(rig.bridge.pid) - busy) / (time.monotonic() - begin)
             state = rig.states[-1]
             seen = [{value.key: value.value for value in message.status[0].values} for message in rig.diagnostics]
         finally:
@@ -149,12 +149,6 @@ def bridge(seconds, priority):
             'bus errors': str(state.bus_errors)}
     for name, value in rows.items():
         print(f'  {name:60s} {value}')
-
-
-def processor_time(pid):
-    """Processor time of a process so far, s."""
-    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
 def main():

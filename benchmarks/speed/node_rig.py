@@ -2,8 +2,8 @@
 
 Each notes times of the machine's clock (``time.time_ns``, the same in all processes) and writes them down when it ends.
 Player and listener are made so that they add as little as Python can: messages are serialised before the run, the
-collector of garbage rests, the player waits for each moment awake (so it is not late by its own waking), and the
-listener takes the time before it looks at the message.
+player collects no garbage (the others do between messages, as every node of the suite), it waits for each moment awake
+(so it is not late by its own waking), and the listener takes the time before it looks at the message.
 """
 import gc
 import struct
@@ -28,13 +28,6 @@ STAMP = slice(4, 12)
 AWAKE = 0.0006
 
 
-def rest_collector():
-    """No garbage is collected from here on."""
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-
-
 def stamps_of(pieces):
     """Nanoseconds of serialised stamps."""
     return np.frombuffer(b''.join(pieces), np.uint32).reshape(-1, 2).astype(np.int64) @ [1_000_000_000, 1]
@@ -52,7 +45,9 @@ def play(path, material):
     while not (publisher.get_subscription_count() and node.count_subscribers(OUTPUT)):
         time.sleep(0.05)
     time.sleep(1.0)  # node and listener have found each other
-    rest_collector()
+    gc.collect()
+    gc.freeze()
+    gc.disable()
     noted = np.zeros((len(bodies), 3), np.int64)
     begin = time.time_ns() + 50_000_000
     for number, body in enumerate(bodies):
@@ -82,7 +77,6 @@ def listen(path):
             now = time.time_ns()
             heard.append((data[STAMP], now))
         node.create_subscription(JointTrajectory, OUTPUT, note, QoSProfile(depth=200), raw=True)
-        rest_collector()
         return node
     status = run(make, 'listener', args=[])
     np.save(path, np.column_stack([stamps_of([stamp for stamp, _ in heard]), [now for _, now in heard]]))
@@ -133,7 +127,6 @@ def relay(path, joints):
             publish(answer[:STAMP.start] + data[STAMP] + answer[STAMP.stop:])
         node.create_subscription(JointState, INPUT, on_joint_states,
                                  QoSProfile(depth=64, reliability=ReliabilityPolicy.BEST_EFFORT), raw=True)
-        rest_collector()
         return node
     status = run(make, 'relay', args=[])
     watch.write(path)

@@ -1,4 +1,4 @@
-"""Start and stop the launch files of the demo."""
+"""Start and stop launch files: the demo and the benchmarks of the whole chain."""
 import os
 import signal
 import subprocess
