@@ -9,13 +9,13 @@ import struct
 import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
 
+from style_core.live.cdr import ENCAPSULATION
+from style_core.live.stamp_policy import NANOSECONDS
+
 __all__ = ['MessageTemplate']
 
 _NUMBERS = {'double': 'f8', 'float': 'f4', 'int8': 'i1', 'uint8': 'u1', 'octet': 'u1', 'boolean': 'u1', 'int16': 'i2',
             'uint16': 'u2', 'int32': 'i4', 'uint32': 'u4', 'int64': 'i8', 'uint64': 'u8'}
-#: bytes before the body that say how it is encoded; alignment counts from behind them
-_ENCAPSULATION = 4
-_NANOSECONDS = 1_000_000_000
 
 
 class MessageTemplate:
@@ -30,13 +30,13 @@ class MessageTemplate:
     def __init__(self, message):
         self._buffer = np.frombuffer(serialize_message(message), np.uint8).copy()
         places = {}
-        end = _walk(message, '', 0, places) + _ENCAPSULATION
+        end = _walk(message, '', 0, places) + ENCAPSULATION
         if end > len(self._buffer):
             raise ValueError(f'{type(message).__name__} is not serialised by the rules of CDR here')
         # the middleware may leave room behind the message, which readers of bags do not like
         whole = _aligned(end, 4)
         room = np.zeros(whole + 8, np.uint8)
-        begin = -(room.ctypes.data + _ENCAPSULATION) % 8  # numbers of eight bytes lie where numpy is fast
+        begin = -(room.ctypes.data + ENCAPSULATION) % 8  # numbers of eight bytes lie where numpy is fast
         room[begin:begin + end] = self._buffer[:end]
         self._buffer = room[begin:begin + whole]
         self._places = {path: self._view(found) for path, found in places.items()}
@@ -57,9 +57,9 @@ class MessageTemplate:
         """A typed view of a field, block by block, and None; or one of the buffer and which elements belong to it."""
         dtype = np.dtype(found[0][0])
         starts = np.concatenate([offset + dtype.itemsize * np.arange(count) for _, offset, count in found])
-        first = _ENCAPSULATION % dtype.itemsize
+        first = ENCAPSULATION % dtype.itemsize
         whole = (len(self._buffer) - first) // dtype.itemsize * dtype.itemsize
-        index = (starts + _ENCAPSULATION - first) // dtype.itemsize
+        index = (starts + ENCAPSULATION - first) // dtype.itemsize
         steps, count = np.diff([offset for _, offset, _ in found]) // dtype.itemsize, found[0][2]
         view = self._buffer[first:first + whole].view(dtype)
         if all(one[2] == count for one in found) and (steps == steps[:1]).all():
@@ -83,7 +83,7 @@ class MessageTemplate:
         if stamp is not None:
             if not self._stamped:
                 raise KeyError('header.stamp.sec')
-            struct.pack_into('=iI', self._buffer, _ENCAPSULATION, *divmod(stamp, _NANOSECONDS))
+            struct.pack_into('=iI', self._buffer, ENCAPSULATION, *divmod(stamp, NANOSECONDS))
         for path, numbers in values.items():
             view, index = self._places[path]
             if index is not None:

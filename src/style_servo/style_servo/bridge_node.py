@@ -289,16 +289,15 @@ class BridgeNode(SoundLifecycleNode):
 
     def _publish_cycle(self):
         measurement = self._bridge.backend.measurement
-        seconds, nanoseconds = divmod(self.get_clock().now().nanoseconds, NANOSECONDS)
-        stamp = {'header.stamp.sec': seconds, 'header.stamp.nanosec': nanoseconds}
+        stamp = self.get_clock().now().nanoseconds
         # nothing is made that nobody hears
         if self._commanded.get_subscription_count():
             self._commanded.publish(self._command_message.write(
-                {**stamp, 'position': self._bridge.command, 'velocity': self._bridge.command_velocity}))
+                {'position': self._bridge.command, 'velocity': self._bridge.command_velocity}, stamp))
         if self._joint_states is not None and measurement.fresh and self._joint_states.get_subscription_count():
             self._joint_states.publish(self._measured_message.write(
-                {**stamp, 'position': measurement.position, 'velocity': measurement.velocity,
-                 'effort': measurement.effort}))
+                {'position': measurement.position, 'velocity': measurement.velocity, 'effort': measurement.effort},
+                stamp))
 
     # --- output: in the executor's thread -----------------------------------------------------------------------
 

@@ -4,8 +4,7 @@ import sys
 import numpy as np
 
 from style_core.errors import MotionError
-from style_core.live.cdr import StampedNamesReader
-from style_core.live.points import FIELDS, copy_points
+from style_core.live.cdr import POINT_FIELDS, StampedNamesReader, copy_points
 from style_servo.bridge import Points
 
 __all__ = ['TrajectoryReader']
@@ -56,15 +55,15 @@ class TrajectoryReader(StampedNamesReader):
             raise _refusal('it has no points')
         if count > self._max_points:
             raise _refusal(f'it has {count} points (at most {self._max_points})')
-        big = order == '>'
-        lengths = np.zeros(len(FIELDS), dtype=np.int_)
+        little = order == '<'
+        lengths = np.zeros(len(POINT_FIELDS), dtype=np.int_)
 
         def copy(times, *arrays):
-            fault = copy_points(data, at, big, big != (sys.byteorder == 'big'), times, *arrays, lengths)
+            fault = copy_points(data, at, little, little != (sys.byteorder == 'little'), times, *arrays, lengths)
             if fault == -1:
                 raise self.damaged('points are cut off')
             if fault >= 0:
-                raise _refusal(f'points with different numbers of {FIELDS[fault]}')
+                raise _refusal(f'points with different numbers of {POINT_FIELDS[fault]}')
         copy(_NONE, None, None, None)       # what the first point has
         n = len(names)
         if lengths[0] != n or not n or any(length not in (0, n) for length in lengths[1:3]):

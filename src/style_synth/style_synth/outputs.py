@@ -64,10 +64,8 @@ class Outputs:
     def window(self, now, positions, velocities):
         """Publish a window; stamps strictly increase, whatever the clock does."""
         self._last = max(now, self._last + 1)
-        seconds, nanoseconds = divmod(self._last, NANOSECONDS)
-        self._trajectory.publish(self._window.write({
-            'header.stamp.sec': seconds, 'header.stamp.nanosec': nanoseconds, 'points.positions': positions,
-            'points.velocities': velocities}))
+        self._trajectory.publish(self._window.write(
+            {'points.positions': positions, 'points.velocities': velocities}, self._last))
 
     def status(self, message):
         """Publish a status."""

@@ -1,7 +1,7 @@
 """Angles from the robot to a model and back, joint by joint; what the predictor node does with every message."""
 import numpy as np
 
-from libc.math cimport NAN, fabs, isfinite, isnan
+from libc.math cimport NAN, isfinite, isnan
 
 __all__ = ['BoundMap', 'all_finite']
 
@@ -22,7 +22,8 @@ cdef class BoundMap:
     cdef readonly object channels
     cdef Py_ssize_t _count, _needed
     cdef const Py_ssize_t[::1] _channels
-    cdef const double[::1] _gain, _offset, _lower, _upper
+    cdef const double[::1] _gain, _offset, _spread, _zeros
+    cdef const double[:, ::1] _limits, _boundless
 
     def __init__(self, robot_joints, channels, gain, offset, lower, upper):
         self.robot_joints = robot_joints
@@ -32,10 +33,12 @@ cdef class BoundMap:
         self._needed = max(self.channels, default=-1) + 1
         self._gain = np.array(gain, dtype=float)
         self._offset = np.array(offset, dtype=float)
-        self._lower = np.array(lower, dtype=float)
-        self._upper = np.array(upper, dtype=float)
         if not len(self.channels) == len(gain) == len(offset) == len(lower) == len(upper) == self._count:
             raise ValueError('a map needs as many channels, gains, offsets and limits as joints')
+        self._limits = np.array([lower, upper], dtype=float)
+        # standard deviations have neither sign nor offset nor limits
+        self._spread, self._zeros = np.abs(self._gain), np.zeros(self._count)
+        self._boundless = np.repeat([[-np.inf], [np.inf]], self._count, axis=1)
 
     def observe(self, const double[::1] positions, const char[::1] allowed, double[::1] pose):
         """Write what the robot measured as a pose of the model.
@@ -72,30 +75,27 @@ cdef class BoundMap:
 
     def to_robot(self, mean):
         """Robot angles within the limits, shape (..., R), of model angles, shape (..., D)."""
-        cdef const double[:, :] model = self._rows(mean)
-        result, rows = self._room(mean)
-        cdef double[:, ::1] robot = rows
-        cdef Py_ssize_t n, r
-        cdef double angle
-        for n in range(model.shape[0]):
-            for r in range(self._count):
-                angle = model[n, self._channels[r]] * self._gain[r] + self._offset[r]
-                if angle < self._lower[r]:
-                    angle = self._lower[r]
-                elif angle > self._upper[r]:
-                    angle = self._upper[r]
-                robot[n, r] = angle
-        return result
+        return self._mapped(mean, self._gain, self._offset, self._limits)
 
     def spread_to_robot(self, std):
         """Standard deviations of the robot angles, shape (..., R), from the model's, shape (..., D)."""
-        cdef const double[:, :] model = self._rows(std)
-        result, rows = self._room(std)
+        return self._mapped(std, self._spread, self._zeros, self._boundless)
+
+    cdef _mapped(self, values, const double[::1] gain, const double[::1] offset, const double[:, ::1] limits):
+        """``gain * value + offset`` of each robot joint, within limits."""
+        cdef const double[:, :] model = self._rows(values)
+        result, rows = self._room(values)
         cdef double[:, ::1] robot = rows
         cdef Py_ssize_t n, r
+        cdef double value
         for n in range(model.shape[0]):
             for r in range(self._count):
-                robot[n, r] = model[n, self._channels[r]] * fabs(self._gain[r])
+                value = model[n, self._channels[r]] * gain[r] + offset[r]
+                if value < limits[0, r]:
+                    value = limits[0, r]
+                elif value > limits[1, r]:
+                    value = limits[1, r]
+                robot[n, r] = value
         return result
 
     def velocity_to_robot(self, velocity, positions):
@@ -111,7 +111,8 @@ cdef class BoundMap:
         for n in range(model.shape[0]):
             for r in range(self._count):
                 speed = model[n, self._channels[r]] * self._gain[r]
-                if (angles[n, r] <= self._lower[r] and speed < 0) or (angles[n, r] >= self._upper[r] and speed > 0):
+                if ((angles[n, r] <= self._limits[0, r] and speed < 0)
+                        or (angles[n, r] >= self._limits[1, r] and speed > 0)):
                     speed = 0.0
                 robot[n, r] = speed
         return result
@@ -126,7 +127,7 @@ cdef class BoundMap:
 
     cdef _room(self, values):
         """An array for robot angles, and the same as rows."""
-        shape = np.shape(values)[:-1] + (self._count,)
+        shape = (*np.shape(values)[:np.ndim(values) - 1], self._count)
         result = np.empty(shape)
         return result, result if len(shape) == 2 else result.reshape(-1, self._count)
 

@@ -1,16 +1,18 @@
-"""What messages that begin with a stamp and joint names have in common as the middleware delivers them (CDR)."""
-from libc.string cimport memcmp
+"""Messages as the middleware delivers them (CDR): stamp and joint names, and the points of joint trajectories."""
+from libc.string cimport memcmp, memcpy
 
-__all__ = ['ENCAPSULATION', 'StampedNamesReader']
+__all__ = ['ENCAPSULATION', 'POINT_FIELDS', 'StampedNamesReader', 'copy_points']
 
-#: bytes that say how the rest is encoded; alignment counts from behind them
-ENCAPSULATION = 4
 cdef enum:
-    SECONDS = 4
+    #: bytes that say how the rest is encoded; alignment counts from behind them, and the seconds of the stamp follow
+    BODY = 4
     #: where the frame id begins: behind encapsulation, seconds and nanoseconds
     AFTER_STAMP = 12
     #: how many lists of names are remembered; more than there are publishers
     REMEMBERED = 16
+ENCAPSULATION = BODY
+#: lists of numbers in a point, in their order; the time from start (seconds, nanoseconds) follows them
+POINT_FIELDS = 'positions', 'velocities', 'accelerations', 'effort'
 
 
 cdef class StampedNamesReader:
@@ -38,8 +40,8 @@ cdef class StampedNamesReader:
         if length < AFTER_STAMP or data[0] != 0 or data[1] > 1:
             raise self.damaged('it is no CDR')
         little = data[1]
-        seconds = <int>_number(data, little, SECONDS)
-        stamp = seconds * 1_000_000_000 + _number(data, little, SECONDS + 4)
+        seconds = <int>_number(&data[BODY], little)
+        stamp = seconds * 1_000_000_000 + _number(&data[BODY + 4], little)
         for place in range(len(self.known)):
             known = self.known[place]
             head = known[0]
@@ -57,7 +59,7 @@ cdef class StampedNamesReader:
     def number(self, const unsigned char[::1] data not None, str order, Py_ssize_t at):
         """The unsigned number at the next place for one, and where it ends."""
         at = self._room(data, at)
-        return _number(data, order == '<', at), at + 4
+        return _number(&data[at], order == '<'), at + 4
 
     cdef Py_ssize_t _room(self, const unsigned char[::1] data, Py_ssize_t at) except -1:
         """The next place for a number, if there is one before the end."""
@@ -69,16 +71,16 @@ cdef class StampedNamesReader:
     cdef _names(self, const unsigned char[::1] data, bint little):
         """Joint names, and where they end."""
         cdef Py_ssize_t at = self._room(data, AFTER_STAMP), length, count
-        length = _number(data, little, at)
+        length = _number(&data[at], little)
         at = self._room(data, at + 4 + length)
-        count = _number(data, little, at)
+        count = _number(&data[at], little)
         at += 4
         if count > data.shape[0] // 5:  # a text takes five bytes at least
             raise self.damaged('names are cut off')
         names = []
         for _ in range(count):
             at = self._room(data, at)
-            length = _number(data, little, at)
+            length = _number(&data[at], little)
             at += 4
             if not length or at + length > data.shape[0]:
                 raise self.damaged('names are cut off')
@@ -87,8 +89,82 @@ cdef class StampedNamesReader:
         return tuple(names), at
 
 
-cdef unsigned int _number(const unsigned char[::1] data, bint little, Py_ssize_t at) noexcept:
+cdef inline unsigned int _number(const unsigned char* p, bint little) noexcept nogil:
     """The number in four bytes."""
     if little:
-        return data[at] | data[at + 1] << 8 | data[at + 2] << 16 | <unsigned int>data[at + 3] << 24
-    return data[at + 3] | data[at + 2] << 8 | data[at + 1] << 16 | <unsigned int>data[at] << 24
+        return p[0] | p[1] << 8 | p[2] << 16 | <unsigned int>p[3] << 24
+    return p[3] | p[2] << 8 | p[1] << 16 | <unsigned int>p[0] << 24
+
+
+cdef inline void _numbers(const unsigned char* p, Py_ssize_t count, bint swap, double* out) noexcept nogil:
+    cdef Py_ssize_t i, k
+    cdef unsigned char* o = <unsigned char*>out
+    if not swap:
+        memcpy(out, p, 8 * count)
+        return
+    for i in range(count):
+        for k in range(8):
+            o[8 * i + k] = p[8 * i + 7 - k]
+
+
+def copy_points(const unsigned char[::1] data, Py_ssize_t at, bint little, bint swap, double[::1] times,
+                double[:, ::1] positions, double[:, ::1] velocities, double[:, ::1] accelerations, long[::1] lengths):
+    """Copy the points that begin at ``at``; lists of a point that are not wanted are None.
+
+    Parameters
+    ----------
+    data : bytes
+        The whole message.
+    at : int
+    little, swap : bool
+        Whether the message is little-endian, and whether that is not this machine's order.
+    times : ndarray, shape (K,)
+        Written, s from the start; for no points only ``lengths`` are written.
+    positions, velocities, accelerations : ndarray, shape (K, J), or None
+        Written.
+    lengths : ndarray of int, shape (4,)
+        Of the first point's lists: written where ``times`` is empty, expected of every point otherwise.
+
+    Returns
+    -------
+    fault : int
+        -2 none, -1 the message ends too early, 0 to 3 a list that has another length.
+    """
+    cdef Py_ssize_t size = data.shape[0], count = times.shape[0], k, field
+    cdef long length
+    cdef double* out
+    cdef bint look = count == 0
+    for k in range(1 if look else count):
+        for field in range(4):
+            at += -at & 3
+            if at + 4 > size:
+                return -1
+            length = _number(&data[at], little)
+            at += 4
+            if look:
+                lengths[field] = length
+            elif length != lengths[field]:
+                return field
+            if length == 0:
+                continue
+            at += (BODY - at) & 7
+            if at + 8 * length > size:
+                return -1
+            out = NULL
+            if not look:
+                if field == 0:
+                    out = &positions[k, 0]
+                elif field == 1 and velocities is not None:
+                    out = &velocities[k, 0]
+                elif field == 2 and accelerations is not None:
+                    out = &accelerations[k, 0]
+            if out != NULL:
+                _numbers(&data[at], length, swap, out)
+            at += 8 * length
+        at += -at & 3
+        if at + 8 > size:
+            return -1
+        if not look:
+            times[k] = <int>_number(&data[at], little) + 1e-9 * _number(&data[at + 4], little)
+        at += 8
+    return -2

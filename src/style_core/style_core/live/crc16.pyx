@@ -1,4 +1,3 @@
-# cython: language_level=3
 """The checksum of servo buses."""
 
 cdef unsigned short TABLE[256]

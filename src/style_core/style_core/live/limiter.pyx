@@ -1,4 +1,3 @@
-# cython: language_level=3
 """Joint command limiter: exact position, velocity and acceleration limits against the last emitted command.
 
 Positions live on a lattice of 2^-40 rad (about 1e-12 rad), so every sum below is an integer sum. Doubles represent

@@ -1,4 +1,3 @@
-# cython: language_level=3
 """Piecewise polynomials of joint positions: made and replaced once a trajectory, evaluated once a tick."""
 from libc.math cimport fabs, sqrt
 

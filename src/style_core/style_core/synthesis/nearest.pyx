@@ -1,4 +1,3 @@
-# cython: language_level=3
 """The trajectory within velocity and acceleration limits that is nearest to a given one, joint by joint."""
 from libc.math cimport fabs, sqrt
 
