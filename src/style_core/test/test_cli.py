@@ -1,4 +1,5 @@
 """The command line: dispatch by name and by model kind, help, exit status."""
+import argparse
 import json
 import sys
 import types
@@ -8,6 +9,8 @@ import numpy as np
 import pytest
 
 from style_core.cli import main, registry
+from style_core.cli.number import Count, Number, Positive, Seed
+from style_core.errors import UsageError
 from style_core.model_file import save_model
 
 
@@ -128,3 +131,40 @@ def test_info_draws_a_motion(tmp_path, mocap, capsys):
 def test_info_of_a_model_has_no_picture(made_kind, model, capsys):
     assert main(['info', model, '--picture', 'a.png']) == 2
     assert 'motion files' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('limits, word, wanted', [
+    ({'above': 0}, '-5', 'be positive'), ({'above': 0}, '0', 'be positive'), ({'above': 0}, 'nan', 'be positive'),
+    ({}, 'inf', 'be finite'), ({'type': int, 'least': 2}, '1', 'be at least 2'),
+    ({'least': 1, 'most': 10}, '11', 'lie between 1 and 10'), ({'most': 3}, '3.5', 'be at most 3')])
+def test_a_number_outside_its_limits_is_wrong_use(limits, word, wanted):
+    parser = argparse.ArgumentParser()
+    parser.add_argument('--size', action=Number, **limits)
+    with pytest.raises(UsageError, match=f'--size must {wanted}.*, not {word}'):
+        parser.parse_args(['--size', word])
+
+
+def test_a_number_within_its_limits_is_taken():
+    parser = argparse.ArgumentParser()
+    parser.add_argument('--rate', action=Positive, default=60.0)
+    parser.add_argument('--count', action=Count, most=3)
+    parser.add_argument('--seed', action=Seed)
+    assert vars(parser.parse_args([])) == {'rate': 60.0, 'count': None, 'seed': None}
+    assert vars(parser.parse_args(['--rate', '0.5', '--count', '3', '--seed', '0'])) == {
+        'rate': 0.5, 'count': 3, 'seed': 0}
+    with pytest.raises(SystemExit):
+        parser.parse_args(['--count', '1.5'])
+
+
+@pytest.mark.parametrize('words', [
+    ['convert', 'a.csv', 'b.csv', '--rate', '-5'], ['convert', 'a.bvh', 'b.csv', '--length-unit', '0'],
+    ['info', 'a.amc', '--input-rate', 'nan'], ['train', 'phase-style', 'a.amc', '--rate', '0', '-o', 'm.npz'],
+    ['train', 'phase-style', 'a.amc', '--recorded-rate', '-1', '-o', 'm.npz'],
+    ['train', 'locomotion', 'a.amc', '--seed', '-1', '-o', 'm.npz'],
+    ['train', 'style-machine', 'a.amc', '--rate', 'inf', '-o', 'm.npz'],
+    ['train', 'effort', 'a.amc', '--interpolations', '0', '-o', 'm.npz'],
+    ['retarget', 'plan.yaml', 'a.amc', '--rate', '-5', '-o', 'r.yaml']])
+def test_impossible_numbers_are_refused_in_one_line_before_any_file_is_read(words, capsys):
+    assert main(words) == 2
+    error = capsys.readouterr().err
+    assert ' must be ' in error and error.count('\n') == 1

@@ -47,7 +47,6 @@ def test_what_cannot_be_is_one_line_and_the_old_file_stays(tmp_path, gait, capsy
     for words in ((tmp_path / 'a.csv', old), (tmp_path / 'a.csv', tmp_path / 'x.bvh'), (tmp_path / 'no.csv', old),
                   (tmp_path / 'a.csv', tmp_path / 'b.csv', '--select', 'tail*'), (old, tmp_path / 'b.csv'),
                   (tmp_path / 'a.csv', tmp_path / 'b.csv', '--mirror'),
-                  (tmp_path / 'a.csv', tmp_path / 'b.csv', '--rate', 0),
                   (tmp_path / 'a.csv', tmp_path / 'b.csv', '--start', 100),
                   (tmp_path / 'a.csv', tmp_path / 'b.csv', '--storage', 'mcap')):
         assert convert(*words) == 1

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from style_core.angles import continuous
+from style_core.cli.number import Positive
 from style_core.errors import UsageError
 from style_core.formats import read_motion
 
@@ -23,7 +24,7 @@ __all__ = ['add_arguments', 'run']
 def add_arguments(parser, argv):
     """FILES and pictures."""
     parser.add_argument('files', nargs='*', metavar='FILE', help='recordings of any known format')
-    parser.add_argument('--recorded-rate', type=float, metavar='HZ', help='rate of AMC recordings (default: 120)')
+    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ', help='rate of AMC recordings (default: 120)')
     parser.add_argument('--map', metavar='PICTURE', help='draw the style map')
     parser.add_argument('--occupancies', metavar='PICTURE', help='draw the occupancy matrices of the FILES')
     parser.add_argument('--graph', metavar='FILE', help='draw the state graph, or write it as .dot')

@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 from style_core import datasets
+from style_core.cli.number import Count
 from style_core.errors import UsageError
 
 __all__ = ['AREAS', 'add_arguments', 'run']
@@ -51,7 +52,7 @@ def add_arguments(parser, argv):
     parser.add_argument(
         '-o', '--output', type=Path, help='folder of the pages (default: docs/results/AREA of the checkout)'
     )
-    parser.add_argument('--workers', type=int, default=2, help='processes (default 2); results do not depend on it')
+    parser.add_argument('--workers', action=Count, default=2, help='processes (default 2); results do not depend on it')
     parser.add_argument(
         '--resume', action='store_true', help='skip tables whose code and recordings are as when last run'
     )
@@ -64,8 +65,6 @@ def run(args):
     unknown = [name for name in chosen if name not in tables]
     if unknown:
         raise UsageError(f'no table {", ".join(unknown)}; there are {", ".join(tables)}')
-    if args.workers < 1:
-        raise UsageError('--workers must be 1 or more')
     root = _checkout()
     output = args.output or root / 'docs' / 'results' / args.area
     sys.path.insert(0, str(root / 'benchmarks' / 'experiments'))

@@ -15,6 +15,7 @@ replaced only by a complete new one.
 import numpy as np
 
 from style_core.angles import continuous
+from style_core.cli.number import Number, Positive
 from style_core.formats import read_motion, skeleton_of, write_motion
 from style_core.skeleton import read_skeleton
 
@@ -25,18 +26,19 @@ def add_arguments(parser, argv):
     """IN, OUT and what to do in between."""
     parser.add_argument('input', metavar='IN', help='file, or folder of a bag')
     parser.add_argument('output', metavar='OUT', help='file, or folder of a bag')
-    parser.add_argument('--rate', type=float, metavar='HZ', help='resample; never beyond the last frame or over gaps')
+    parser.add_argument('--rate', action=Positive, metavar='HZ',
+                        help='resample; never beyond the last frame or over gaps')
     parser.add_argument('--select', action='append', default=[], metavar='PATTERN',
                         help="joints to keep, e.g. 'l*.rx'; '!PATTERN' leaves out; may be given several times")
-    parser.add_argument('--start', type=float, metavar='S', help='leave out what is before this time (s)')
-    parser.add_argument('--stop', type=float, metavar='S', help='leave out what is from this time on (s)')
+    parser.add_argument('--start', action=Number, metavar='S', help='leave out what is before this time (s)')
+    parser.add_argument('--stop', action=Number, metavar='S', help='leave out what is from this time on (s)')
     parser.add_argument('--mirror', action='store_true', help='exchange left and right')
     parser.add_argument('--continuous', action='store_true',
                         help='unwrap angles and choose among equivalent Euler triples so that nothing jumps')
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf file; the one that belongs to IN if '
                                                            'left out')
-    parser.add_argument('--input-rate', type=float, metavar='HZ', help='rate of an AMC file (120 if left out)')
-    parser.add_argument('--length-unit', type=float, metavar='M',
+    parser.add_argument('--input-rate', action=Positive, metavar='HZ', help='rate of an AMC file (120 if left out)')
+    parser.add_argument('--length-unit', action=Positive, metavar='M',
                         help='length unit of BVH files in metres (0.01 if left out)')
     parser.add_argument('--topic', metavar='T', help='topic of a bag (/joint_states if left out)')
     parser.add_argument('--storage', choices=('sqlite3', 'mcap'), help='of a bag (sqlite3 if left out)')

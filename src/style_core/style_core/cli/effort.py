@@ -12,6 +12,7 @@ import json
 import numpy as np
 
 from style_core.angles import continuous
+from style_core.cli.number import Count, Number, Positive
 from style_core.effort import EFFORTS, load, restyle
 from style_core.errors import UsageError
 from style_core.formats import read_motion, write_motion
@@ -24,22 +25,22 @@ def add_arguments(parser, argv):
     """The recording, the efforts, the library."""
     parser.add_argument('file', metavar='FILE', help='recording to restyle')
     parser.add_argument('--library', required=True, metavar='LIBRARY.npz', help='from motion-style train effort')
-    parser.add_argument('--flow', type=float, metavar='-3..3', help='free (3) or bound (-3)')
-    parser.add_argument('--weight', type=float, metavar='-3..3', help='strong (3) or light (-3)')
-    parser.add_argument('--time', type=float, metavar='-3..3', help='sudden (3) or sustained (-3)')
+    parser.add_argument('--flow', action=Number, metavar='-3..3', help='free (3) or bound (-3)')
+    parser.add_argument('--weight', action=Number, metavar='-3..3', help='strong (3) or light (-3)')
+    parser.add_argument('--time', action=Number, metavar='-3..3', help='sudden (3) or sustained (-3)')
     parser.add_argument('-o', '--output', required=True, metavar='OUT', help='motion file to write, any format')
-    parser.add_argument('--neighbours', type=int, default=6, metavar='K', help='like fragments to try (default: 6)')
+    parser.add_argument('--neighbours', action=Count, least=2, default=6, metavar='K',
+                        help='like fragments to try (default: 6)')
     parser.add_argument('--skeleton', metavar='FILE', help='needed for AMC output and for --picture')
     parser.add_argument('--picture', metavar='PNG', help='draw the recording and the result as stick figures')
-    parser.add_argument('--recorded-rate', type=float, metavar='HZ', help='rate of an AMC recording (default: 120)')
+    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ',
+                        help='rate of an AMC recording (default: 120)')
     parser.add_argument('--json', action='store_true', help='print what was chosen as JSON')
 
 
 def run(args):
     """Restyle, write, say what was done."""
     target = np.array([np.nan if value is None else value for value in (args.flow, args.weight, args.time)])
-    if args.neighbours < 2:
-        raise UsageError('--neighbours must be at least 2')
     if args.picture and not args.skeleton:
         raise UsageError('--picture needs --skeleton')
     library = load(args.library)

@@ -14,8 +14,9 @@ import json
 import numpy as np
 from tqdm import tqdm
 
+from style_core.cli.number import Count
 from style_core.cli.predictor_arguments import add_method, add_reading, hide, predictor_of, read
-from style_core.errors import MotionError, UsageError
+from style_core.errors import MotionError
 from style_core.evaluation import FRAMES_AHEAD, RATE_HZ, paper_horizons, roll_out, summary
 
 __all__ = ['add_arguments', 'run']
@@ -24,7 +25,7 @@ __all__ = ['add_arguments', 'run']
 def add_arguments(parser, argv):
     """FILES and the protocol."""
     parser.add_argument('files', nargs='+', metavar='FILE', help='recordings')
-    parser.add_argument('--horizon', type=int, default=FRAMES_AHEAD, metavar='FRAMES',
+    parser.add_argument('--horizon', action=Count, default=FRAMES_AHEAD, metavar='FRAMES',
                         help=f'frames to predict at {RATE_HZ:g} Hz (default: {FRAMES_AHEAD})')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     add_reading(parser)
@@ -33,9 +34,7 @@ def add_arguments(parser, argv):
 
 def run(args):
     """Evaluate and print."""
-    if args.horizon < 1:
-        raise UsageError('--horizon must be at least 1 frame')
-    predictor = predictor_of(args)
+    predictor, method = predictor_of(args)
     names = predictor.joint_names
     horizons = paper_horizons(args.horizon)
     results = {}
@@ -50,7 +49,7 @@ def run(args):
         key = motion.name if motion.name and motion.name not in results else str(path)
         results[key] = summary(roll_out(predictor, motion, horizons, observed))
     if args.json:
-        print(json.dumps({'model': args.model, 'method': args.method, 'masked': list(args.mask),
+        print(json.dumps({'model': args.model, 'method': method, 'masked': list(args.mask),
                           'recordings': results}, indent=1))
         return
     shown = sorted({0, min(4, args.horizon - 1), min(9, args.horizon - 1), min(14, args.horizon - 1),
@@ -71,4 +70,4 @@ def run(args):
     for row in rows:
         print('  '.join([row[0].ljust(widths[0])] + [cell.rjust(width) for cell, width in zip(row[1:], widths[1:])]))
     print(f'mean E {np.mean([one["error_deg2"] for one in results.values()]):.2f} degrees squared; '
-          f'RMS in degrees at frames ahead of {RATE_HZ:g} Hz; method {args.method}')
+          f'RMS in degrees at frames ahead of {RATE_HZ:g} Hz' + (f'; method {method}' if method else ''))

@@ -9,6 +9,7 @@ what came before.
 """
 import numpy as np
 
+from style_core.cli.number import Number, Positive
 from style_core.cli.train_locomotion import read_recordings
 from style_core.errors import MotionError, UsageError
 from style_core.formats import read_motion, write_motion
@@ -27,11 +28,11 @@ def add_arguments(parser, argv):
     )
     parser.add_argument('-o', '--output', metavar='FILE', help='filled recording; the suffix says which format')
     parser.add_argument('--hide', nargs='+', default=[], metavar='PATTERN', help='joints to hide first')
-    parser.add_argument('--from', type=float, dest='start', metavar='S', help='hide from this time on')
-    parser.add_argument('--to', type=float, dest='stop', metavar='S', help='hide up to this time')
+    parser.add_argument('--from', action=Number, dest='start', metavar='S', help='hide from this time on')
+    parser.add_argument('--to', action=Number, dest='stop', metavar='S', help='hide up to this time')
     parser.add_argument('--score', action='store_true', help='compare what was hidden with what was filled in')
     parser.add_argument('--causal', action='store_true', help='use only what came before each frame, as on line')
-    parser.add_argument('--recorded-rate', type=float, metavar='HZ', help='of an AMC recording (default: 120)')
+    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ', help='of an AMC recording (default: 120)')
 
 
 def run(args):

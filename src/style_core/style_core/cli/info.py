@@ -12,6 +12,7 @@ import json
 
 import numpy as np
 
+from style_core.cli.number import Positive
 from style_core.cli.registry import KIND_COMMANDS
 from style_core.errors import ModelError, UsageError
 from style_core.formats import read_motion, skeleton_of
@@ -32,7 +33,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--select', action='append', default=[], metavar='PATTERN',
                         help="joints of a motion to show, e.g. 'l*'; '!PATTERN' leaves out")
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf file for the picture')
-    parser.add_argument('--input-rate', type=float, metavar='HZ', help='rate of an AMC file (120 if left out)')
+    parser.add_argument('--input-rate', action=Positive, metavar='HZ', help='rate of an AMC file (120 if left out)')
     parser.add_argument('--topic', metavar='T', help='topic of a bag')
 
 

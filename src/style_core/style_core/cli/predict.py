@@ -13,6 +13,7 @@ of every value is written beside it with --std FILE.csv.
 import numpy as np
 from tqdm import tqdm
 
+from style_core.cli.number import Number, Positive
 from style_core.cli.predictor_arguments import add_method, add_reading, hide, predictor_of, read
 from style_core.errors import UsageError
 from style_core.formats import write_motion
@@ -25,11 +26,12 @@ def add_arguments(parser, argv):
     """FILE, output and times."""
     parser.add_argument('file', metavar='FILE', help='recording to follow')
     parser.add_argument('-o', '--output', required=True, metavar='FILE', help='motion file to write')
-    parser.add_argument('--at', type=float, metavar='S',
+    parser.add_argument('--at', action=Number, metavar='S',
                         help='time of the recording to predict from (default: its end)')
-    parser.add_argument('--seconds', type=float, default=1.0, metavar='S', help='how far to predict (default: 1)')
-    parser.add_argument('--rate', type=float, default=60.0, metavar='HZ', help='rate of the output (default: 60)')
-    parser.add_argument('--ahead', type=float, metavar='S', help='write instead what was predicted S before each frame')
+    parser.add_argument('--seconds', action=Positive, default=1.0, metavar='S', help='how far to predict (default: 1)')
+    parser.add_argument('--rate', action=Positive, default=60.0, metavar='HZ', help='rate of the output (default: 60)')
+    parser.add_argument('--ahead', action=Number, least=0, metavar='S',
+                        help='write instead what was predicted S before each frame')
     parser.add_argument('--std', metavar='FILE.csv', help='also write the standard deviations, rad')
     add_reading(parser)
     add_method(parser)
@@ -37,9 +39,7 @@ def add_arguments(parser, argv):
 
 def run(args):
     """Predict and write."""
-    if args.seconds <= 0 or args.rate <= 0 or (args.ahead is not None and args.ahead < 0):
-        raise UsageError('--seconds and --rate must be positive, --ahead must not be negative')
-    predictor = predictor_of(args)
+    predictor, _ = predictor_of(args)
     motion = read(args.file, args).joints(list(predictor.joint_names))
     motion, _ = hide(motion, predictor.joint_names, args.mask)
     if args.at is not None:

@@ -2,10 +2,11 @@
 import numpy as np
 
 from style_core.angles import continuous
+from style_core.cli.number import Positive
 from style_core.errors import MotionError, UsageError
 from style_core.formats import read_motion
 from style_core.motion import matching_names
-from style_core.phase_style import METHODS
+from style_core.phase_style import KIND, METHODS
 from style_core.phase_style.full import PARTS
 from style_core.predictors import read_predictor
 
@@ -14,7 +15,7 @@ __all__ = ['add_reading', 'add_method', 'read', 'predictor_of', 'hide']
 
 def add_reading(parser):
     """Rate of formats without one, and joints to hide."""
-    parser.add_argument('--recorded-rate', type=float, metavar='HZ',
+    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ',
                         help='rate of recordings whose format does not say it (AMC; default: 120)')
     parser.add_argument('--mask', nargs='+', default=[], metavar='PATTERN',
                         help="joints to hide from the model, as shell patterns ('lfemur.*'); '!PATTERN' excludes")
@@ -37,8 +38,9 @@ def read(path, args):
 
 
 def predictor_of(args):
-    """Predictor of the model and method that were asked for."""
-    return read_predictor(args.model, args.method, args.without).predictor
+    """Predictor of the model and method that were asked for, and the method: None for kinds that have only one."""
+    found = read_predictor(args.model, args.method, args.without)
+    return found.predictor, args.method if found.kind == KIND else None
 
 
 def hide(motion, names, patterns):

@@ -11,6 +11,7 @@ import json
 import numpy as np
 
 from style_core.angles import continuous
+from style_core.cli.number import Positive
 from style_core.datasets import BODY
 from style_core.errors import UsageError
 from style_core.formats import read_motion, skeleton_of
@@ -26,7 +27,8 @@ def add_arguments(parser, argv):
     parser.add_argument('recordings', nargs='+', metavar='FILE', help='recordings with a skeleton (AMC, BVH)')
     parser.add_argument('--test', action='append', default=[], metavar='FILE',
                         help='recording to measure the error on that the map is not fitted to (several times)')
-    parser.add_argument('--rate', type=float, default=20.0, metavar='HZ', help='frames used (default: 20 a second)')
+    parser.add_argument('--rate', action=Positive, default=20.0, metavar='HZ',
+                        help='frames used (default: 20 a second)')
     parser.add_argument('--json', action='store_true', help='print the errors for machines')
     parser.add_argument('-o', '--output', metavar='FILE', help='robot file (.yaml) to write')
 

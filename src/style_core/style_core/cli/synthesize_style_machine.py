@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from style_core.angles import continuous
+from style_core.cli.number import Positive, Seed
 from style_core.errors import UsageError
 from style_core.formats import read_motion, skeleton_of, write_motion
 from style_core.skeleton import read_skeleton
@@ -27,15 +28,18 @@ def add_arguments(parser, argv):
     content = parser.add_mutually_exclusive_group(required=True)
     content.add_argument('--content', metavar='FILE', help='do what this recording does; it may lack joints')
     content.add_argument('--sequence', metavar='NAMES', help='a choreography by name')
-    content.add_argument('--random-walk', type=float, metavar='SECONDS', help='a random choreography of this length')
+    content.add_argument('--random-walk', action=Positive, most=3600, metavar='SECONDS',
+                         help='a random choreography of this length')
     parser.add_argument('--style', default=None, metavar='EXPR',
                         help="style of the result (default: the recording's own with --content, else generic)")
     parser.add_argument('-o', '--output', required=True, metavar='OUT', help='motion file of any known format')
     parser.add_argument('--keep-timing', action='store_true',
                         help="with --content: keep the recording's timing instead of the style's dwell times")
-    parser.add_argument('--seed', type=int, default=0, help='of a random walk (default: 0)')
-    parser.add_argument('--rate', type=float, metavar='HZ', help="rate of the result (default: the model's; AMC: 120)")
-    parser.add_argument('--recorded-rate', type=float, metavar='HZ', help='rate of an AMC recording (default: 120)')
+    parser.add_argument('--seed', action=Seed, default=0, help='of a random walk (default: 0)')
+    parser.add_argument('--rate', action=Positive, metavar='HZ',
+                        help="rate of the result (default: the model's; AMC: 120)")
+    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ',
+                        help='rate of an AMC recording (default: 120)')
     parser.add_argument('--skeleton', metavar='FILE', help='.asf or .bvh to write AMC or BVH with (default: the one '
                                                            "beside the recording; for AMC CMU's)")
     parser.add_argument('--picture', metavar='PICTURE', help='draw a strip of stick figures; needs a skeleton')
@@ -63,8 +67,6 @@ def run(args):
         if args.sequence:
             visits = sequence(machine, args.sequence)
         else:
-            if not (np.isfinite(args.random_walk) and 0 < args.random_walk <= 3600):
-                raise UsageError('--random-walk must last more than 0 and at most 3600 s')
             visits = take(random_walk(machine, args.seed), machine, style, args.random_walk)
         motion = synthesize_visits(machine, visits, style)
     motion = _complete(motion, recording, skeleton, args.output)

@@ -15,6 +15,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from style_core.angles import continuous
+from style_core.cli.number import Count, Positive, Seed
 from style_core.effort import joint_scale, save, train_library
 from style_core.effort.descriptors import EFFORTS
 from style_core.effort.labels import read_labels
@@ -39,14 +40,14 @@ def add_arguments(parser, argv):
                         help="joints to keep; '!PATTERN' excludes (default: all but fingers and thumbs)")
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf; weighs joints by how far they move '
                                                            'the body (default: all joints weigh the same)')
-    parser.add_argument('--rate', type=float, default=60.0, metavar='HZ', help='rate of the library (default: 60)')
-    parser.add_argument('--recorded-rate', type=float, metavar='HZ',
+    parser.add_argument('--rate', action=Positive, default=60.0, metavar='HZ', help='rate of the library (default: 60)')
+    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ',
                         help='rate of the recordings where their format does not say it (AMC; default: 120)')
-    parser.add_argument('--interpolations', type=int, default=105, metavar='N',
+    parser.add_argument('--interpolations', action=Count, default=105, metavar='N',
                         help='blends of matching fragments to learn from (default: 105)')
     parser.add_argument('--method', choices=METHODS, default='kernel-ridge',
                         help='how efforts of blends are predicted (default: kernel-ridge)')
-    parser.add_argument('--seed', type=int, default=0, help='of the blends and of cross-validation (default: 0)')
+    parser.add_argument('--seed', action=Seed, default=0, help='of the blends and of cross-validation (default: 0)')
 
 
 def run(args):

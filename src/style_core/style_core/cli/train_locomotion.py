@@ -15,6 +15,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from style_core.angles import continuous
+from style_core.cli.number import Count, Positive, Seed
 from style_core.errors import UsageError
 from style_core.formats import read_motion
 from style_core.formats.files import read_table
@@ -38,13 +39,14 @@ def add_arguments(parser, argv):
         metavar='PATTERN',
         help="joints to learn, as shell patterns; '!PATTERN' excludes (default: all but fingers and thumbs)",
     )
-    parser.add_argument('--rate', type=float, metavar='HZ', help="rate to learn at (default: the recordings' lowest)")
-    parser.add_argument('--recorded-rate', type=float, metavar='HZ',
+    parser.add_argument('--rate', action=Positive, metavar='HZ',
+                        help="rate to learn at (default: the recordings' lowest)")
+    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ',
                         help='rate of the recordings where their format does not say it (AMC; default: 120)')
-    parser.add_argument('--seed', type=int, default=0, help='of the random starts (default: 0)')
-    parser.add_argument('--restarts', type=int, default=5, help='starts; the highest bound wins (default: 5)')
-    parser.add_argument('--iterations', type=int, default=15, help='EM iterations (default: 15)')
-    parser.add_argument('--threads', type=int, default=1, help='threads for the E-step (default: 1; same result)')
+    parser.add_argument('--seed', action=Seed, default=0, help='of the random starts (default: 0)')
+    parser.add_argument('--restarts', action=Count, default=5, help='starts; the highest bound wins (default: 5)')
+    parser.add_argument('--iterations', action=Count, default=15, help='EM iterations (default: 15)')
+    parser.add_argument('--threads', action=Count, default=1, help='threads for the E-step (default: 1; same result)')
     parser.add_argument(
         '--labels', metavar='CSV', help='columns trial and action: names for the styles, never used to learn'
     )
@@ -67,8 +69,6 @@ def read_recordings(files, recorded_rate=None, joints=None):
 def run(args):
     """Learn, name, save."""
     counts = _counts(args.styles)
-    if min(args.restarts, args.iterations, args.threads) < 1:
-        raise UsageError('--restarts, --iterations and --threads must be at least 1')
     motions = read_recordings(args.files, args.recorded_rate, args.joints)
     options = {'seed': args.seed, 'rate_hz': args.rate, 'n_iterations': args.iterations,
                'threads': args.threads, 'progress': True}

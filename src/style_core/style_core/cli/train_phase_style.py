@@ -20,6 +20,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from style_core.angles import continuous
+from style_core.cli.number import Count, Positive
 from style_core.errors import UsageError
 from style_core.formats import read_motion
 from style_core.phase_style import learn_correction, save_behaviours
@@ -41,16 +42,16 @@ def add_arguments(parser, argv):
     parser.add_argument('--joints', nargs='+', metavar='PATTERN',
                         help="joints to learn, as shell patterns; '!PATTERN' excludes (default: all angles that the "
                              'recordings share but root, fingers and thumbs)')
-    parser.add_argument('--styles', type=int, metavar='J',
+    parser.add_argument('--styles', action=Count, metavar='J',
                         help='dimension of the style (default: chosen from the singular values)')
-    parser.add_argument('--rate', type=float, default=RATE_HZ, metavar='HZ',
+    parser.add_argument('--rate', action=Positive, default=RATE_HZ, metavar='HZ',
                         help=f'rate to learn at (default: {RATE_HZ:g}; the predictor takes any rate)')
     parser.add_argument('--histories', action='store_true',
                         help='keep the recordings in the model file and learn their weight beside the filter')
     parser.add_argument('--aligned-by', metavar='LOCOMOTION.npz',
                         help='take the phases of rhythmic recordings from this locomotion model (which must know '
                              'joints of theirs) instead of their auto-correlation')
-    parser.add_argument('--recorded-rate', type=float, metavar='HZ',
+    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ',
                         help='rate of the recordings where their format does not say it (AMC; default: 120)')
 
 
@@ -65,8 +66,6 @@ def run(args):
     for (name, *files), _ in groups:
         if not files:
             raise UsageError(f'behaviour {name!r} has no recordings')
-    if args.styles is not None and args.styles < 1:
-        raise UsageError('--styles must be at least 1')
     paths = sorted({file for (_, *files), _ in groups for file in files})
     options = {} if args.recorded_rate is None else {'rate_hz': args.recorded_rate}
     motions = {}

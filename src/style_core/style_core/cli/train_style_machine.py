@@ -17,6 +17,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from style_core.angles import continuous
+from style_core.cli.number import Count, Number, Positive, Seed
 from style_core.errors import UsageError
 from style_core.formats import read_motion, skeleton_of
 from style_core.model_file import training_files
@@ -37,22 +38,24 @@ def add_arguments(parser, argv):
                         help="joints to learn, as shell patterns; '!PATTERN' excludes (default: all angles that the "
                              'recordings share but root, fingers and thumbs)')
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf (default: beside the first file)')
-    parser.add_argument('--states', type=int, default=75, metavar='N', help='states at the start (default: 75)')
-    parser.add_argument('--dimensions', type=int, default=10, metavar='D',
+    parser.add_argument('--states', action=Count, default=75, metavar='N', help='states at the start (default: 75)')
+    parser.add_argument('--dimensions', action=Count, most=10, default=10, metavar='D',
                         help='principal components to train on, at most 10 (default: 10)')
-    parser.add_argument('--dof', type=int, metavar='K',
+    parser.add_argument('--dof', action=Count, metavar='K',
                         help='style coordinates (default: as many as explain 95 %% of the variation)')
-    parser.add_argument('--rate', type=float, default=60.0, metavar='HZ', help='rate to learn at (default: 60)')
-    parser.add_argument('--recorded-rate', type=float, metavar='HZ',
+    parser.add_argument('--rate', action=Positive, default=60.0, metavar='HZ', help='rate to learn at (default: 60)')
+    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ',
                         help='rate of AMC recordings, which do not say it (default: 120)')
     parser.add_argument('--mirror', action='store_true', help='train on mirror images too')
-    parser.add_argument('--temperature', type=float, metavar='T', help='of the generic model at the start of annealing')
-    parser.add_argument('--anneal', type=int, metavar='N', help='iterations of annealing')
-    parser.add_argument('--heat', type=float, metavar='T', help="largest T' of the specific models, 0 .. 1")
-    parser.add_argument('--cross-entropy', type=float, metavar='Z', help='pull between generic and specific models')
+    parser.add_argument('--temperature', action=Number, least=0, metavar='T',
+                        help='of the generic model at the start of annealing')
+    parser.add_argument('--anneal', action=Seed, metavar='N', help='iterations of annealing')
+    parser.add_argument('--heat', action=Number, metavar='T', help="largest T' of the specific models, 0 .. 1")
+    parser.add_argument('--cross-entropy', action=Positive, metavar='Z',
+                        help='pull between generic and specific models')
     parser.add_argument('--init', choices=('hint', 'frames', 'random'),
                         help='first models: a low-dimensional HMM, every n-th frame, or random frames')
-    parser.add_argument('--seed', type=int, default=0, help='of all random choices (default: 0)')
+    parser.add_argument('--seed', action=Seed, default=0, help='of all random choices (default: 0)')
 
 
 def run(args):
@@ -60,8 +63,6 @@ def run(args):
     from style_core.style_machine import Settings, learn, save
     if not args.output.endswith('.npz'):
         raise UsageError(f'model file {args.output!r} must end in .npz')
-    if not 1 <= args.dimensions <= 10:
-        raise UsageError('--dimensions must lie between 1 and 10')
     groups = [(Path(file).stem, [file]) for file in args.files] + [(name, files) for name, *files in args.style]
     if not groups:
         raise UsageError('give recordings to learn from')
