@@ -223,10 +223,18 @@ def run(make_node, name, until=None, args=None, switch_interval=0.0005, services
         After this long (s) a thread that computes lets another one in: a model loading in its thread must not hold up
         messages.
     """
+    node = None
+
+    def interrupted(*_):
+        # rclpy ends the context; an exception out of nowhere would tear its executor, which then waits for ever
+        if node is None:
+            raise KeyboardInterrupt
+
     sys.setswitchinterval(switch_interval)
     gc.disable()  # the executor collects between messages
+    signal.signal(signal.SIGINT, interrupted)
     rclpy.init(args=args)
-    node, executor = None, PromptExecutor(services_wait=services_wait)
+    executor = PromptExecutor(services_wait=services_wait)
     try:
         node = make_node()
         executor.add_node(node)
@@ -236,15 +244,19 @@ def run(make_node, name, until=None, args=None, switch_interval=0.0005, services
             executor.spin_once(timeout_sec=0.2 if until else None)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except rclpy_implementation.RCLError:
+        if rclpy.ok():
+            raise  # otherwise the context has ended while a callback used it
     except (UsageError, MotionError, ModelError, OSError) as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2 if isinstance(error, UsageError) else 1
     finally:
         gc.enable()
         if node is not None:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C must not interrupt letting go of motors
             getattr(node, 'release', lambda: None)()
             executor.shutdown()
             node.destroy_node()
         rclpy.try_shutdown()
+        if node is not None:  # a second Ctrl-C: Python gives every other handler back while it ends
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
     return 0

@@ -18,7 +18,8 @@ def transition(method):
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
         except Exception:  # rclpy would swallow it without a word
-            self.get_logger().error(traceback.format_exc())
+            if self.context.ok():  # nothing can be made while the program is being ended
+                self.get_logger().error(traceback.format_exc())
             return TransitionCallbackReturn.ERROR
     run.__doc__ = method.__doc__
     return run

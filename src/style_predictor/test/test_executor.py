@@ -1,5 +1,7 @@
 """The executor serves everything rclpy's does: nothing is lost, nothing runs twice, nothing destroyed is called."""
 import os
+import subprocess
+import sys
 import threading
 import time
 
@@ -224,3 +226,31 @@ def test_what_is_wrong_is_said_and_is_the_exit_status(capsys, error, status):
         raise error
     assert run(make, 'a_node', args=[]) == status
     assert capsys.readouterr().err == f'a_node: {error}\n'
+
+
+INTERRUPTED = """
+import signal, sys
+import rclpy
+from rclpy import executors
+from style_predictor.executor import run
+
+leave = executors._WorkTracker.__exit__
+
+def interrupt(*all):
+    signal.raise_signal(signal.SIGINT)
+    return leave(*all)
+
+def make():
+    node = rclpy.create_node('interrupted')
+    executors._WorkTracker.__exit__ = interrupt
+    node.create_guard_condition(lambda: None).trigger()
+    return node
+
+sys.exit(run(make, 'interrupted', args=[]))
+"""
+
+
+def test_ctrl_c_at_the_worst_moment_ends_the_program():
+    # right before rclpy notes that a callback has ended, for which it waits at the end
+    done = subprocess.run([sys.executable, '-c', INTERRUPTED], capture_output=True, text=True, timeout=30)
+    assert done.returncode == 0 and 'Traceback' not in done.stderr
