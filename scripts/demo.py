@@ -37,32 +37,35 @@ def main():
     os.environ.setdefault('OMP_NUM_THREADS', '1')
 
     from demo_material import material
-    from demo_report import report
     from launching import launch, stop
-    from recording import Recorder
 
     args.output.mkdir(parents=True, exist_ok=True)
     show = material(args.output, args.synthetic, args.trial)
     print(show.story)
     dark = round(args.seconds / 2, 3), round(0.8 * args.seconds, 3)
-    recorder = Recorder()
     with open(args.output / 'nodes.log', 'w') as log:
         nodes = launch(
             [str(ROOT / 'launch' / 'replay.launch.py'), f'model:={show.model}', f'file:={show.file}',
              'loop:=repeat', f'drop:={list(DARK)}', f'drop_from:={dark[0]}', f'drop_until:={dark[1]}',
              f'method:={args.method}', 'listeners:=2'], log)
     try:
+        # imported while the nodes start, which play when the recorder listens
+        from demo_report import report
+        from recording import Recorder
+        recorder = Recorder()
         print(f'Walking for {args.seconds:g} s; the left leg is dark from {dark[0]:g} to {dark[1]:g} s ...', flush=True)
         recorder.record(args.seconds, lambda: nodes.poll() is None)
     finally:
         stop(nodes)
-        recorder.close()
+    recorder.close()
     if not recorder.messages:
         print(f'Nothing came back from the nodes; see {args.output / "nodes.log"}', file=sys.stderr)
         return 1
     # the nodes of the second part start while the first is drawn
     robot = subprocess.Popen([sys.executable, '-u', str(ROOT / 'scripts' / 'demo_synth.py')], text=True,
                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT) if args.robot else None
+    if robot:
+        os.nice(10)  # the robot walks in real time, the pictures have time
     try:
         bag = args.output / 'bag'
         shutil.rmtree(bag, ignore_errors=True)  # of an earlier demo

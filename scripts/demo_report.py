@@ -26,33 +26,26 @@ class Session:
     """What was recorded, as arrays on one clock that starts with the first joint state."""
 
     def __init__(self, recorder, show):
-        truth = [message for _, message in recorder.read('/motion_player/truth')]
-        self.names = tuple(truth[0].name)
-        stamps = np.array([_stamp(message) for message in truth])
+        truth, positions = recorder.numbers('/motion_player/truth', 'position')
+        self.names = tuple(truth.name)
+        stamps = recorder.times('/motion_player/truth')[1]
         self.start = stamps[0]
-        self.truth = Motion(self.names, [message.position for message in truth], (stamps - self.start) * 1e-9)
-        predictions = recorder.read('/predictor/prediction')
-        self.at = self._seconds(message for _, message in predictions)
-        points = predictions[0][1].mean.points
+        self.truth = Motion(self.names, positions.reshape(-1, len(self.names)), self._seconds(stamps))
+        first, mean, std = recorder.numbers('/predictor/prediction', 'mean.points.positions', 'standard_deviation')
+        self.at = self._seconds(recorder.times('/predictor/prediction')[1])
+        points = first.mean.points
         self.horizons = np.array([p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points])
-        shape = len(predictions), len(points), len(self.names)
-        assert tuple(predictions[0][1].mean.joint_names) == self.names
-        self.mean = np.array([[p.positions for p in message.mean.points] for _, message in predictions])
-        self.std = np.array([message.standard_deviation for _, message in predictions]).reshape(shape)
-        arrivals = recorder.read('/predictor/trajectory')
-        self.latency = np.array([arrival - _stamp(message) for arrival, message in arrivals]) * 1e-9
-        estimates = [message for _, message in recorder.read('/predictor/estimate')]
-        self.estimated_at = self._seconds(estimates)
-        self.estimates = estimates
-        self.sent = len(recorder.read('/joint_states'))
+        assert tuple(first.mean.joint_names) == self.names
+        self.mean, self.std = (values.reshape(-1, len(points), len(self.names)) for values in (mean, std))
+        arrivals, answered = recorder.times('/predictor/trajectory')
+        self.latency = (arrivals - answered) * 1e-9
+        self.estimates = [message for _, message in recorder.read('/predictor/estimate')]
+        self.estimated_at = self._seconds(recorder.times('/predictor/estimate')[1])
+        self.sent = len(recorder.times('/joint_states')[0])
         self.seams = np.arange(1, 1000) * (show.motion.duration_s + 1 / show.motion.rate_hz) if show.laps_join else ()
 
-    def _seconds(self, messages):
-        return (np.array([_stamp(message) for message in messages]) - self.start) * 1e-9
-
-
-def _stamp(message):
-    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+    def _seconds(self, stamps):
+        return (stamps - self.start) * 1e-9
 
 
 def report(recorder, show, dark, method, folder):

@@ -2,6 +2,7 @@
 import time
 from pathlib import Path
 
+import numpy as np
 import rclpy
 from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
@@ -13,6 +14,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from style_msgs.msg import MotionPrediction, StyleEstimate
+from style_predictor.templates import MessageTemplate, stamps_of
 
 __all__ = ['Recorder']
 
@@ -66,6 +68,18 @@ class Recorder:
         self._executor.shutdown()
         self._node.destroy_node()
         rclpy.try_shutdown()
+
+    def times(self, topic):
+        """Arrivals and stamps (ns) of a topic's messages, which begin with a header."""
+        own = [(arrival, data) for arrival, name, data in self.messages if name == topic]
+        return np.array([arrival for arrival, _ in own]), stamps_of([data for _, data in own])
+
+    def numbers(self, topic, *paths):
+        """The first of a topic's messages, which differ in numbers alone, and the numbers at each path, (T, ...)."""
+        own = [data for _, name, data in self.messages if name == topic]
+        first = deserialize_message(own[0], TOPICS[topic])
+        template = MessageTemplate(first)
+        return first, *map(np.array, zip(*(template.read(data, *paths) for data in own)))
 
     def read(self, topic):
         """Arrivals (ns) and messages of a topic."""

@@ -36,7 +36,6 @@ try:
     import rclpy
 except ModuleNotFoundError:
     sys.exit('this needs ROS; source install/setup.bash first')
-from node_rig import STAMP, stamps_of
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -45,7 +44,7 @@ from style_core.synthesis.repertoire import load_repertoire
 from style_core.synthesis.retargeting import plain_robot
 from style_core.synthesis.stage import Stage
 from style_msgs.msg import BridgeState, StyleEstimate
-from style_predictor.templates import MessageTemplate
+from style_predictor.templates import MessageTemplate, stamps_of
 from style_servo.record import read_record
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -142,9 +141,9 @@ def latencies(inputs, estimates, windows, record, goals):
     """Times of every stage of every input, s of the wall clock: (N, 5); NaN from the stage on that never came."""
     # monotonic to wall clock
     offset = time.time() - time.monotonic()
-    published = dict(zip(stamps_of([data[STAMP] for data, _ in estimates]), [1e-9 * when for _, when in estimates]))
+    published = dict(zip(stamps_of([data for data, _ in estimates]), [1e-9 * when for _, when in estimates]))
     estimate = np.array([published.get(stamp, np.nan) for stamp in inputs])
-    window = first(np.sort(1e-9 * stamps_of([data[STAMP] for data, _ in windows])), estimate)
+    window = first(np.sort(1e-9 * stamps_of([data for data, _ in windows])), estimate)
     playing = np.maximum.accumulate(np.nan_to_num(record.playing))
     place = np.searchsorted(playing, np.nan_to_num(window, nan=np.inf) - 1e-6)
     cycle = np.append(record.time + offset, np.nan)[np.minimum(place, len(record.time))]

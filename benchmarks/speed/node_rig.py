@@ -19,18 +19,13 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from style_predictor.executor import run
 from style_predictor.predictor_node import PredictorNode
-from style_predictor.templates import MessageTemplate
+from style_predictor.templates import MessageTemplate, stamps_of
 
 INPUT, OUTPUT = '/joint_states', '/predictor/trajectory'
 #: where the stamp of a serialised message with a header is
 STAMP = slice(4, 12)
 #: how long before its moment the player is awake, s
 AWAKE = 0.0006
-
-
-def stamps_of(pieces):
-    """Nanoseconds of serialised stamps."""
-    return np.frombuffer(b''.join(pieces), np.uint32).reshape(-1, 2).astype(np.int64) @ [1_000_000_000, 1]
 
 
 def play(path, material):
@@ -75,7 +70,7 @@ def listen(path):
 
         def note(data):
             now = time.time_ns()
-            heard.append((data[STAMP], now))
+            heard.append((data[:STAMP.stop], now))
         node.create_subscription(JointTrajectory, OUTPUT, note, QoSProfile(depth=200), raw=True)
         return node
     status = run(make, 'listener', args=[])
@@ -105,7 +100,7 @@ class Stopwatch:
         def noting(data):
             began = time.time_ns()
             publish(data)
-            self._noted.append((data[STAMP], self.entered, began, time.time_ns()))
+            self._noted.append((data[:STAMP.stop], self.entered, began, time.time_ns()))
         return noting
 
     def write(self, path):

@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from style_core.live.cdr import ENCAPSULATION
 from style_core.live.stamp_policy import NANOSECONDS
 
-__all__ = ['MessageTemplate']
+__all__ = ['MessageTemplate', 'stamps_of']
 
 _NUMBERS = {'double': 'f8', 'float': 'f4', 'int8': 'i1', 'uint8': 'u1', 'octet': 'u1', 'boolean': 'u1', 'int16': 'i2',
             'uint16': 'u2', 'int32': 'i4', 'uint32': 'u4', 'int64': 'i8', 'uint64': 'u8'}
@@ -93,6 +93,17 @@ class MessageTemplate:
             else:
                 view[:] = np.reshape(numbers, view.shape)
         return self._buffer.tobytes()
+
+    def read(self, data, *paths):
+        """Copies of the numbers at paths of a serialised message that differs from this one in numbers alone."""
+        self._buffer[:] = np.frombuffer(data, np.uint8, len(self._buffer))
+        return [(view if index is None else view[index]).copy() for view, index in map(self._places.get, paths)]
+
+
+def stamps_of(messages):
+    """Stamps, ns, of serialised messages that begin with a header; ndarray of int64, shape (N,)."""
+    stamps = b''.join(data[ENCAPSULATION:ENCAPSULATION + 8] for data in messages)
+    return np.frombuffer(stamps, np.uint32).reshape(-1, 2).astype(np.int64) @ [NANOSECONDS, 1]
 
 
 def _walk(message, prefix, offset, places):

@@ -11,7 +11,7 @@ from style_core.live.stream import Outlook, Step
 from style_core.predictor import Estimate, Status
 from style_msgs.msg import MotionPrediction, StyleEstimate
 from style_predictor.outputs import Writers
-from style_predictor.templates import MessageTemplate
+from style_predictor.templates import MessageTemplate, stamps_of
 
 NAMES = ('hip', 'knee', 'Knöchel')
 HORIZONS = np.array([0.1, 0.25, 1.75])
@@ -54,6 +54,11 @@ def test_everything_written_is_read_back(joint_map):
             assert [(p.time_from_start.sec, p.time_from_start.nanosec) for p in message.points] == [
                 (0, 100_000_000), (0, 250_000_000), (1, 750_000_000)]
         np.testing.assert_array_equal(prediction.standard_deviation, std.ravel())
+        again = MessageTemplate(prediction).read(
+            write.prediction(outlook), 'mean.points.positions', 'standard_deviation')
+        for found, wanted in zip(again, (mean, std)):
+            np.testing.assert_array_equal(found.ravel(), wanted.ravel())
+        assert stamps_of([write.trajectory(outlook)] * 2).tolist() == [STAMP] * 2
         ahead = deserialize_message(write.ahead(outlook), JointState)
         assert tuple(ahead.name) == joints and stamp_of(ahead) == STAMP
         np.testing.assert_array_equal([ahead.position, ahead.velocity], [mean[-1], velocity[-1]])

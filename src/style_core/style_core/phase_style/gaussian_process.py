@@ -3,7 +3,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import minimize
 
 __all__ = ['PhaseProcess', 'embed', 'fit_process', 'negative_log_marginal']
 
@@ -107,6 +106,7 @@ def fit_process(phase, outputs, rhythmic):
     -------
     PhaseProcess
     """
+    from scipy.optimize import minimize  # as in `learning`
     z = embed(phase, rhythmic)
     distance = _squared_distance(z, z)
     scale = max(float(np.mean(outputs ** 2)), 1e-12)

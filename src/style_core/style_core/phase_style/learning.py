@@ -3,10 +3,8 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from style_core.alignment import cycle_shift, fit_cycle, harmonic_design, period, refine_phase
-from style_core.effort.warping import warp
 from style_core.errors import MotionError
 from style_core.phase_style.gaussian_process import fit_process
 from style_core.phase_style.model import Behaviour
@@ -185,6 +183,7 @@ def align_discrete(sequences, rounds=6):
     -------
     Aligned
     """
+    from scipy.interpolate import CubicSpline  # nodes, which do not learn, start half a second earlier without
     grid = np.linspace(0, 1, SAMPLES)
     phases = _warped(sequences)
     acceleration = float(np.mean([(sequence.rate_hz / len(sequence.y)) ** 3 for sequence in sequences]))
@@ -207,6 +206,7 @@ def align_discrete(sequences, rounds=6):
 
 def _warped(sequences):
     """Phases by time warping of the postures (each recording's mean set aside) onto the most central recording."""
+    from style_core.effort.warping import warp  # and without this another second
     centred = [sequence.y - sequence.y.mean(axis=0) for sequence in sequences]
     paths = [[warp(y, reference) for y in centred] for reference in centred]
     central = int(np.argmin([sum(path.mean_cost for path in row) for row in paths]))

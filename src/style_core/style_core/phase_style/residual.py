@@ -20,7 +20,6 @@ people - and the bases of the others are used on them.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from tqdm import tqdm
 
 from style_core.alignment import fit_cycle, harmonic_design
@@ -70,6 +69,7 @@ class Shape:
 
 def _spline_table(grid, bases, rhythmic):
     """Tabulate sampled bases (J, C, D) by cubic splines: enough for bases that are used for one evaluation."""
+    from scipy.interpolate import CubicSpline  # as in `learning`
     if rhythmic:
         grid = np.concatenate([grid, [2 * np.pi]])
         bases = np.concatenate([bases, bases[:, :1]], axis=1)
