@@ -80,6 +80,33 @@ def test_ctrl_c_cancels_the_goal():
         rclpy.try_shutdown(context=context)
 
 
+INTERRUPTED = """
+import signal
+from asyncio import base_subprocess
+from launch import LaunchDescription
+from launch.actions import ExecuteProcess
+
+tell = base_subprocess.BaseSubprocessTransport._call
+
+def interrupt(self, what, *all):
+    if what.__name__ == 'process_exited':
+        signal.raise_signal(signal.SIGINT)
+    tell(self, what, *all)
+base_subprocess.BaseSubprocessTransport._call = interrupt
+
+def generate_launch_description():
+    return LaunchDescription([ExecuteProcess(cmd=['true'])])
+"""
+
+
+def test_ctrl_c_at_the_worst_moment_ends_a_launch(tmp_path):
+    # right before the launch notes that a process has ended, for which it waits at the end
+    path = tmp_path / 'interrupted.launch.py'
+    path.write_text(INTERRUPTED)
+    status, text = ros2('launch', str(path))
+    assert status == 0 and 'process has finished cleanly' in text and 'Traceback' not in text, text
+
+
 def test_a_second_ctrl_c_does_not_interrupt_a_bridge_that_ends():
     process = subprocess.Popen(['ros2', 'launch', 'style_bringup', 'servo.launch.py', 'sim:=true'],
                                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)

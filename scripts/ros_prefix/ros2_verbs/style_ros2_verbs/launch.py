@@ -1,6 +1,6 @@
 """``ros2 launch``."""
-import contextlib
 import os
+import signal
 
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from ros2cli.command import CommandExtension
@@ -81,22 +81,11 @@ def launch(path, arguments, args):
                             noninteractive=args.noninteractive, debug=args.debug)
     service.include_launch_description(LaunchDescription([
         IncludeLaunchDescription(AnyLaunchDescriptionSource(path), launch_arguments=arguments)]))
-    try:
-        return service.run()
-    finally:
-        end_own_node(service.context)
-
-
-def end_own_node(context):
-    """
-    End the node of the launch process itself.
-
-    A second SIGINT right after the first can skip launch_ros's own handler, and its thread would keep the process.
-    """
-    adapter = getattr(context.locals, 'ros_adapter', None)
-    if adapter is not None:
-        with contextlib.suppress(RuntimeError):  # the handler has done it
-            adapter.shutdown()
+    # launch reads signals from a socket. Python's KeyboardInterrupt, which comes on top, would tear what its loop does
+    # at that moment: the end of a process is lost, and the launch waits for it for ever
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, lambda *_: None)
+    return service.run()
 
 
 def show_arguments(description):
