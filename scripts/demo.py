@@ -15,6 +15,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from launching import launch, stay_alone, stop
+
 ROOT = Path(__file__).resolve().parents[1]
 DARK = ('lfemur.*', 'ltibia.*', 'lfoot.*', 'ltoes.*')
 
@@ -32,12 +34,9 @@ def main():
     args = parser.parse_args()
     if args.seconds < 6:
         parser.error('--seconds must be at least 6: the filter needs a moment, and so does the leg')
-    os.environ['ROS_LOCALHOST_ONLY'] = '1'
-    os.environ['ROS_DOMAIN_ID'] = os.environ.get('STYLE_DEMO_DOMAIN', str(1 + os.getpid() % 100))
-    os.environ.setdefault('OMP_NUM_THREADS', '1')
+    stay_alone()
 
     from demo_material import material
-    from launching import launch, stop
 
     args.output.mkdir(parents=True, exist_ok=True)
     show = material(args.output, args.synthetic, args.trial)
@@ -65,7 +64,7 @@ def main():
     robot = subprocess.Popen([sys.executable, '-u', str(ROOT / 'scripts' / 'demo_synth.py')], text=True,
                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT) if args.robot else None
     if robot:
-        os.nice(10)  # the robot walks in real time, the pictures have time
+        os.nice(5)  # the robot walks in real time, the pictures have time
     try:
         bag = args.output / 'bag'
         shutil.rmtree(bag, ignore_errors=True)  # of an earlier demo

@@ -6,13 +6,14 @@ cycle of the bridge is recorded; the pictures show the robot as its servos measu
 after limiting, and measured, with the limits drawn in.
 """
 import argparse
-import os
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from launching import launch, stay_alone, stop
 
 ROOT = Path(__file__).resolve().parents[1]
 SHOWN = ('r_hip_pitch', 'r_knee', 'l_sho_pitch', 'l_hip_roll')
@@ -188,11 +189,8 @@ def main():
     parser.add_argument('--trial', default='16_32', help='recording to play (default: 16_32)')
     parser.add_argument('--output', type=Path, default=ROOT / 'out' / 'demo_synth', help='folder')
     args = parser.parse_args()
-    os.environ['ROS_LOCALHOST_ONLY'] = '1'
-    os.environ['ROS_DOMAIN_ID'] = os.environ.get('STYLE_DEMO_DOMAIN', str(1 + os.getpid() % 100))
-    os.environ.setdefault('OMP_NUM_THREADS', '1')
+    stay_alone()
     from demo_material import material
-    from launching import launch, stop
 
     from style_servo.record import read_record
     args.output.mkdir(parents=True, exist_ok=True)

@@ -2,8 +2,18 @@
 import os
 import signal
 import subprocess
+from pathlib import Path
 
-__all__ = ['launch', 'stop']
+__all__ = ['stay_alone', 'launch', 'stop']
+
+
+def stay_alone():
+    """Nodes of this process and of what it launches hear nobody else, find each other soon, and use one core each."""
+    os.environ['ROS_LOCALHOST_ONLY'] = '1'
+    os.environ['ROS_DOMAIN_ID'] = os.environ.get('STYLE_DEMO_DOMAIN', str(1 + os.getpid() % 100))
+    os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE',
+                          str(Path(__file__).resolve().parents[1] / 'config' / 'fastdds_prompt.xml'))
+    os.environ.setdefault('OMP_NUM_THREADS', '1')
 
 
 def launch(arguments, log):
