@@ -49,8 +49,7 @@ class ConstantVelocity(PoseKeeper):
         self._pose = pose
 
     def _filled(self):
-        unseen = np.where(np.isfinite(self._age), self._age, 0.0)
-        return self._pose + self._span(unseen) * self._velocity
+        return self._ahead(np.zeros(1))[0]
 
     def _ahead(self, horizons):
         unseen = np.where(np.isfinite(self._age), self._age, 0.0)
