@@ -292,7 +292,7 @@ def test_file_holds_histories_and_they_can_be_left_out(walk, learned, tmp_path):
 
 def test_command_keeps_recordings_only_when_asked_and_says_so(people, tmp_path, capsys):
     files = []
-    for sequence in people[:3]:
+    for sequence in people[:5]:
         motion = Motion(tuple(NAMES), sequence.y, np.arange(len(sequence.y)) / RATE, name=sequence.name)
         write_motion(motion, tmp_path / f'{sequence.name}.csv')
         files.append(str(tmp_path / f'{sequence.name}.csv'))

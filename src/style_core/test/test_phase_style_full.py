@@ -12,7 +12,7 @@ from style_core.phase_style import FullPredictor, PaperPredictor, load_predictor
 from style_core.phase_style.full import still_behaviour
 from style_core.phase_style.learning import Sequence, align, bases_from, learn
 from style_core.phase_style.residual import learn_residual, leave_out
-from style_core.phase_style.search import BUDGET, GLANCE_COST, START_COST
+from style_core.phase_style.search import BUDGET, CORRELATED, GLANCE_COST, MEMORY, START_COST, Track
 from style_core.predictor import Status
 
 NAMES = [f'j{k}' for k in range(6)]
@@ -155,6 +155,63 @@ def test_after_a_loss_nothing_from_before_is_searched(walk):
     np.testing.assert_array_equal(predictor._search.window()[0], two[frame:frame + 1])
     predictor.update(2 + (frame + 1) / 60, two[frame + 1])
     np.testing.assert_array_equal(predictor._search.window()[0], two[frame:frame + 2])
+
+
+def test_a_phase_that_stands_at_its_slowest_is_lost_whatever_the_innovations_say(walk):
+    rng = np.random.default_rng(0)
+    still = made_cycle(np.array([1.0]))[0] + 0.002 * rng.standard_normal((120, 6))
+    predictor = FullPredictor([walk], without=['still'])
+    searched = 0
+    for frame, y in enumerate(np.concatenate([made_person('n_1', 5.6, 0.5, 51, seconds=2)[0].y, still])):
+        estimate = predictor.update(frame / 60, y)
+        slowest = estimate.phase_velocity <= walk.velocity[2]
+        searched = searched + 1 if slowest and estimate.status is Status.TRACKING else 0
+        assert searched <= 0.1 * 60 + 1
+    assert estimate.phase_velocity < 1.5 * walk.velocity[2]  # nothing else is there to take over
+
+
+class Told:
+    """A filter that says what it is told."""
+
+    def __init__(self, seen):
+        self.seen = seen
+
+    def say(self, track, innovation, logs):
+        self.innovation = innovation
+        self.log_likelihood = -0.5 * (self.seen * (innovation + np.log(2 * np.pi)) + logs)
+        track.judge()
+
+
+def judged(innovations, logs=0.0, tail=1e12, prior=0.0, seen=50):
+    one = Told(seen)
+    track = Track(0, one, 0, tail, prior)
+    for innovation in innovations:
+        one.say(track, innovation, logs)
+    return track
+
+
+def test_hypotheses_are_judged_by_their_likelihood_where_sizes_are_known():
+    rng = np.random.default_rng(0)
+    one, two = 1 + rng.exponential(size=(2, 8))
+    weights = MEMORY ** np.arange(8)[::-1]
+    wanted = -0.5 * (50 * weights @ (one - two) + weights.sum() * (3.0 - 7.0)) / CORRELATED
+    assert judged(one, 3.0).lead(judged(two, 7.0)) == pytest.approx(wanted, rel=1e-9)
+    assert judged(one, 3.0, prior=-2.0).lead(judged(two, 7.0)) == pytest.approx(wanted - 2, rel=1e-9)
+
+
+def test_a_first_sample_that_nobody_expected_is_not_held_against_a_hypothesis_for_long():
+    later = [0.8] * 3
+    right, wrong = [28.0, *later], [10.0, *(4 * np.array(later))]
+    assert judged(right).lead(judged(wrong)) < 0 < judged(right, tail=1.0).lead(judged(wrong, tail=1.0))
+    assert judged([28.0], tail=1.0).lead(judged([10.0], tail=1.0)) < 0  # it still counts
+
+
+def test_a_person_smoother_than_usual_is_judged_by_what_is_usual_for_him():
+    follows, stands = [0.1] * 6, [0.4] * 6
+    promised = 30.0  # nats by which the one that stands is surer of itself
+    assert judged(follows, promised).lead(judged(stands, 0.0)) > 0
+    # a Gaussian of the usual size has it the other way round
+    assert -0.5 * (50 * (0.1 - 0.4) + promised) < 0
 
 
 def test_from_standing_to_walking_to_jumping(walk, jump):

@@ -547,6 +547,7 @@ cdef class ArrowFilter:
 
     cdef readonly Table table
     cdef readonly double innovation, log_likelihood
+    cdef readonly int seen              # joints observed in the last update
     cdef readonly int styles, states, channels, common, harmonics
     cdef double offset_rate, fast_rate, personal_rate, style_rate, acceleration, lowest, highest
     cdef arrow f
@@ -859,7 +860,7 @@ cdef class ArrowFilter:
             dk = dk * c + last * d
 
     cdef int _observe(self, const unsigned char[::1] observed, bint step) noexcept nogil:
-        cdef int i, j, k, d, m = self.common, seen = 0
+        cdef int i, j, k, d, m = self.common
         cdef double squares, logs, total
         cdef arrow* f = &self.f
         self.table.look_up(self.c[0], &f.at)
@@ -868,10 +869,11 @@ cdef class ArrowFilter:
             f.w[1 + j] = self.c[2 + j]
         f.s[0], f.s[1], f.s[2] = 1, 1, 0
         self._weights(self.c[0], 1.0, f.s)
+        self.seen = 0
         for d in range(self.channels):
-            seen += observed[d] != 0
+            self.seen += observed[d] != 0
         arrow_sense(f, step)
-        if seen == 0:
+        if self.seen == 0:
             self.innovation, self.log_likelihood = NAN, 0
             return 0
         squares, logs = total_of(&self.sums[4 * (m * (m + 1) // 2 + m)]), f.logs
@@ -898,8 +900,8 @@ cdef class ArrowFilter:
         for i in range(m):
             total += f.delta[i] * self.work[i]
         squares -= total
-        self.innovation = squares / seen
-        self.log_likelihood = -0.5 * (squares + logs + seen * LOG_TWO_PI)
+        self.innovation = squares / self.seen
+        self.log_likelihood = -0.5 * (squares + logs + self.seen * LOG_TWO_PI)
         for i in range(m):
             self.c[i] += f.delta[i]
         arrow_settle(f)

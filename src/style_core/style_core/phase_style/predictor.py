@@ -74,6 +74,7 @@ class FullPredictor:
         self._monitor.reset()
         self._search.reset()
         self._bands.reset()
+        self._slow_s = 0.0
         self._searching = True
         self._status = Status.ACQUIRING
         mean, spread = self._behaviours[0].velocity[:2]
@@ -115,13 +116,21 @@ class FullPredictor:
                 self._monitor.reset()
         if not self._searching:
             out = self._monitor.add(search.leader.filter.innovation, dt)
-            if out and 'restart' not in self._without:
+            self._slow_s = self._slow_s + dt if self._slowest() else 0.0
+            if (out or self._slow_s > self._monitor.window_s) and 'restart' not in self._without:
                 self._searching = True
+                self._slow_s = 0.0
                 self._status = Status.LOST
                 search.again()
                 self._bands.forget()
         if not self._searching:
             self._bands.follow(search.leader, gate.time, gate.y, gate.seen)
+
+    def _slowest(self):
+        """Is the phase as slow as a behaviour allows? Then it follows something else, whatever the innovations say."""
+        leader = self._search.leader
+        lowest = self._behaviours[leader.behaviour].velocity[2]
+        return lowest > 0 and leader.filter.velocity <= lowest
 
     def _probabilities(self):
         if not self._searching:

@@ -1,9 +1,11 @@
 """Search over behaviour, phase and speed: hypotheses ranked at a glance, run side by side, judged by likelihood."""
 import numpy as np
 
-from libc.math cimport INFINITY, M_PI, NAN, exp, fabs, floor, isnan
+from libc.math cimport INFINITY, M_PI, NAN, exp, fabs, floor, isnan, log, log1p
 
 from style_core.phase_style.kernel import PhaseRanking
+
+cdef double LOG_TWO_PI = 1.8378770664093453
 
 __all__ = ['BUDGET', 'GLANCE_COST', 'LIVE', 'START_COST', 'Glance', 'Search', 'Track']
 
@@ -66,22 +68,38 @@ class Glance:
 
 
 cdef class Track:
-    """A hypothesis: a filter, how far it has come, and how well it explained what it saw."""
+    """A hypothesis: a filter, how far it has come, and how well it explained what it saw.
+
+    Parameters
+    ----------
+    behaviour : int
+    one : ArrowFilter
+    first : int
+        The sample it starts from.
+    tail : float
+        Samples that the size of what it promises is known from: its first innovation has the heavy tails of a Student
+        distribution with so many, as nobody's posture is known before.
+    prior : float
+        Log prior weight of where it started, nats.
+    """
 
     cdef readonly int behaviour
     cdef readonly object filter
     cdef public long next
     cdef public double time         # of the last update, s; NaN before the first
-    cdef readonly double score, weight, misfit
+    # fading sums over samples: 1, innovation a joint, joints seen, log det of the innovations' covariance
+    cdef readonly double weight, misfit
+    cdef double seen, logs, tail, prior
     cdef readonly int count
 
-    def __init__(self, int behaviour, one, long first):
+    def __init__(self, int behaviour, one, long first, double tail, double prior=0.0):
         self.behaviour, self.filter, self.next, self.time = behaviour, one, first, NAN
+        self.tail, self.prior = tail, prior
         self.judge_anew()
 
     cpdef judge_anew(self):
         """Forget how well it did."""
-        self.score, self.weight, self.misfit, self.count = 0.0, 0.0, 0.0, 0
+        self.weight, self.misfit, self.seen, self.logs, self.count = 0.0, 0.0, 0.0, 0.0, 0
 
     cpdef take(self, double time, y, observed):
         """Update with a sample."""
@@ -90,16 +108,25 @@ cdef class Track:
 
     cpdef judge(self):
         """Take the filter's last update into account."""
-        cdef double innovation = self.filter.innovation
+        cdef double innovation = self.filter.innovation, seen = self.filter.seen
         if not isnan(innovation):
-            self.score = MEMORY * self.score + <double>self.filter.log_likelihood
+            self.logs = MEMORY * self.logs - 2 * <double>self.filter.log_likelihood - seen * (innovation + LOG_TWO_PI)
+            if self.count == 0:
+                innovation = 1 + (self.tail + 1) * log1p((innovation - 1) / (self.tail + 1))
             self.misfit = MEMORY * self.misfit + innovation
+            self.seen = MEMORY * self.seen + seen
             self.weight = MEMORY * self.weight + 1.0
             self.count += 1
 
+    cdef double _score(self):
+        """Log likelihood a sample. Variances are those of a usual person: whoever is smoother has smaller ones."""
+        cdef double level = min((1 + self.misfit) / (1 + self.weight), 1.0)
+        return -0.5 * (self.seen * (log(level) + self.misfit / (level * self.weight)) + self.logs) / self.weight
+
     cpdef double lead(self, Track other):
         """Nats by which it explains the last samples better than another."""
-        return (self.score / self.weight - other.score / other.weight) * min(self.weight, other.weight) / CORRELATED
+        return ((self._score() - other._score()) * min(self.weight, other.weight) / CORRELATED
+                + self.prior - other.prior)
 
 
 cdef class Search:
@@ -146,6 +173,7 @@ cdef class Search:
     cdef long _base             # of them, those before the first row of the memory
     cdef double _last           # stamp of the last, s
     cdef double[::1] _spread    # of the speed, of each behaviour
+    cdef double[::1] _tail      # samples that the size of what they promise is known from
     cdef double[::1] _width     # distance of the phases tried
     cdef list _rhythmic
 
@@ -156,6 +184,7 @@ cdef class Search:
         self._slot = [self._slices.index((index, glance.speeds[0])) for index, glance in enumerate(glances)]
         self._stamps = np.empty(len(self._slices))
         self._spread = np.array([behaviour.velocity[1] for behaviour in behaviours], dtype=float)
+        self._tail = np.array([behaviour.residual.check_weight for behaviour in behaviours], dtype=float)
         self._width = np.array([glance.width if len(glance.phases) > 1 else INFINITY for glance in glances])
         self._rhythmic = [bool(behaviour.rhythmic) for behaviour in behaviours]
         # several windows long, so that the last samples always lie in one piece
@@ -304,7 +333,8 @@ cdef class Search:
             glance = self.glances[index]
             one.start(at - speed * (now - self._time[first - self._base]), speed, glance.width ** 2,
                       max(self._spread[index], 1e-3) ** 2 * (0.5 if len(glance.speeds) > 1 else 1.0))
-            self.tracks.append(Track(index, one, first))
+            self.tracks.append(Track(index, one, first, self._tail[index],
+                                     -0.5 * ((speed - glance.speeds[0]) / max(self._spread[index], 1e-3)) ** 2))
             budget -= START_COST
         return budget
 
@@ -338,7 +368,7 @@ cdef class Search:
             return False
         leader = self.leader if self.leader in ready else ready[0]
         for track in ready:
-            if best is None or track.score / track.weight > best.score / best.weight:
+            if best is None or track.lead(best) > 0:
                 best = track
         if self.leader is None or best.lead(leader) > TAKE_OVER:
             leader = best
