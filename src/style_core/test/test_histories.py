@@ -139,7 +139,7 @@ def test_weights_minimise_the_error_of_people_counted_alike():
     rng = np.random.default_rng(2)
     first = [rng.normal(size=(n, 3, 4)) * np.array([1.0, 2.0, 0.5])[:, None] for n in (50, 80, 30)]
     second = [rng.normal(size=f.shape) + 0.3 * f for f in first]
-    weight = mixing_weights(first, second, ['a', 'a', 'b'])
+    (weight,), change = mixing_weights(first, second, ['a', 'a', 'b'])
 
     def error(w):
         by_recording = [np.mean(((1 - w)[:, None] * f + w[:, None] * s) ** 2, axis=(0, 2))
@@ -150,7 +150,23 @@ def test_weights_minimise_the_error_of_people_counted_alike():
     for step in (-0.02, 0.02):
         assert (error(np.clip(weight + step, 0, 1)) >= best - 1e-12).all()
     assert ((weight > 0) & (weight < 1)).all()
-    np.testing.assert_array_equal(mixing_weights(first, [10 * one for one in first], ['a', 'a', 'b']), 0.0)
+    assert change == pytest.approx(np.sum(best - error(np.zeros(3))))
+    np.testing.assert_array_equal(mixing_weights(first, [10 * one for one in first], ['a', 'a', 'b'])[0], 0.0)
+
+
+def test_weights_that_fade_are_found_again():
+    rng = np.random.default_rng(3)
+    wanted = np.array([[0.1, 0.0], [0.7, 0.3]])
+    first, second, shares = [], [], []
+    for count in (400, 300):
+        fresh = np.exp(-np.arange(count) / 60)
+        shares.append(np.column_stack([1 - fresh, fresh]))
+        apart = rng.normal(size=(count, 2, 3))
+        first.append(-(shares[-1] @ wanted)[..., None] * apart)  # so that the weights wanted leave no error
+        second.append(first[-1] + apart)
+    weight, change = mixing_weights(first, second, ['a', 'b'], shares)
+    np.testing.assert_allclose(weight, wanted, atol=1e-6)
+    assert change == pytest.approx(-sum(np.mean(f ** 2, axis=(0, 2)).sum() / 2 for f in first))
 
 
 @pytest.fixture(scope='module')
@@ -175,8 +191,8 @@ def newcomer(seed=99):
 
 
 def flat(learned, weight, spread=1.0):
-    ones = np.ones_like(learned.weight)
-    return Correction(learned.histories, learned.horizons, weight * ones, spread * ones)
+    return Correction(learned.histories, learned.horizons, np.full_like(learned.weight, weight),
+                      np.full_like(learned.spread, spread), 1.0)
 
 
 def test_weight_zero_is_the_filter_and_weight_one_the_memory(walk, learned):
@@ -259,14 +275,14 @@ def test_refused_observations_change_nothing(walk, learned):
     np.testing.assert_array_equal(one.predict(AHEAD).mean, two.predict(AHEAD).mean)
     with pytest.raises(ValueError, match='same joints'):
         CorrectedPredictor(FullPredictor([walk]), Correction(
-            gather([('x', np.zeros((60, 6)))], 'abcdef', RATE), learned.horizons, learned.weight, learned.spread))
+            gather([('x', np.zeros((60, 6)))], 'abcdef', RATE), learned.horizons, learned.weight, learned.spread, 1.0))
 
 
 def test_file_holds_histories_and_they_can_be_left_out(walk, learned, tmp_path):
     path = tmp_path / 'm.npz'
     save_behaviours(path, [walk], correction=learned)
     again = load_parts(path)[1]
-    for name in ('horizons', 'weight', 'spread'):
+    for name in ('horizons', 'weight', 'spread', 'fade_s'):
         np.testing.assert_array_equal(getattr(again, name), getattr(learned, name))
     np.testing.assert_array_equal(again.histories.positions, learned.histories.positions)
     motion = newcomer()
@@ -281,6 +297,10 @@ def test_file_holds_histories_and_they_can_be_left_out(walk, learned, tmp_path):
     with pytest.raises(UsageError, match='no part'):
         read_predictor(path, without=['magic'])
     header, arrays = model_file.load_model(path)
+    old = dict(arrays, **{'histories.weight': arrays['histories.weight'][:2]})  # from before weights faded
+    before = {**header, 'histories': {key: value for key, value in header['histories'].items() if key != 'fade_s'}}
+    model_file.save_model(tmp_path / 'old.npz', header['kind'], before, old)
+    np.testing.assert_array_equal(load_parts(tmp_path / 'old.npz')[1].weight, learned.weight[[0, 1, 0]])
     damages = {'weight': lambda a: a[:, :3], 'lengths': lambda a: a + 1, 'positions': lambda a: a * np.nan,
                'horizons': lambda a: a[::-1]}
     for name, damage in damages.items():
@@ -319,9 +339,9 @@ def test_models_of_the_suite_hold_no_recorded_motion():
 
 
 def test_searching_has_weights_of_its_own(walk, learned):
-    rows = np.array([np.zeros(len(AHEAD)), np.ones(len(AHEAD))])
+    rows = np.array([np.zeros(len(AHEAD)), np.ones(len(AHEAD)), np.zeros(len(AHEAD))])
     predictor = CorrectedPredictor(FullPredictor([walk]), Correction(
-        learned.histories, learned.horizons, rows, np.ones_like(rows)))
+        learned.histories, learned.horizons, rows, np.ones_like(learned.spread), 1.0))
     alone = FullPredictor([walk])
     motion = newcomer()
     seen = set()
@@ -332,3 +352,24 @@ def test_searching_has_weights_of_its_own(walk, learned):
         assert same == (status == Status.TRACKING)
         seen.add(same)
     assert seen == {True, False}
+
+
+def test_memory_fades_after_the_search_and_is_left_alone_once_it_has(walk, learned):
+    rows = np.array([np.zeros(len(AHEAD)), np.ones(len(AHEAD)), np.full(len(AHEAD), 0.5)])
+    predictor = CorrectedPredictor(FullPredictor([walk]), Correction(
+        learned.histories, learned.horizons, rows, np.ones_like(learned.spread), 0.2))
+    alone, since, weights = FullPredictor([walk]), None, {}
+    for time, y in zip((motion := newcomer()).times[:120], motion.positions):
+        status = predictor.update(time, y).status
+        alone.update(time, y)
+        if status is not Status.TRACKING:
+            since = None
+            continue
+        since = time if since is None else since
+        plain, memory = alone.predict(AHEAD).mean, predictor.remember(AHEAD)[0]
+        mixed = predictor.predict(AHEAD).mean
+        weights[round(time - since, 9)] = np.sum((mixed - plain) * (memory - plain)) / np.sum((memory - plain) ** 2)
+    for age, weight in weights.items():
+        wanted = 0.5 * np.exp(-age / 0.2)
+        assert weight == pytest.approx(wanted if wanted > 0.01 else 0.0, abs=1e-6)
+    assert min(weights.values()) == 0 and max(weights.values()) == pytest.approx(0.5)

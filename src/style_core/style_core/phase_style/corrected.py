@@ -1,12 +1,14 @@
 """Nearest-history correction: the full filter, and a memory of what training motion did next.
 
 A filter and a memory are wrong in different ways, so that their weighted mean is better than either - most of all while
-the filter still searches. Weights are learned on people left out of both. The memory is recorded motion: it is
-carried along in the model file, which is why this is an option.
+the filter still searches, and while it gets to know the person. Weights are learned on people left out of both. The
+memory is recorded motion: it is carried along in the model file, which is why this is an option.
 """
+import math
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import lsq_linear
 from tqdm import tqdm
 
 from style_core.histories import FRAMES, HistorySearch, RecentPast, gather
@@ -22,6 +24,10 @@ __all__ = ['HORIZONS', 'CorrectedPredictor', 'learn_correction', 'mixing_weights
 HORIZONS = np.arange(1, 26) / 60
 #: Fewer instants than this while searching say nothing of their own.
 FEWEST_INSTANTS = 30
+#: Times tried in which what the memory is worth more, right after the filter has found its way, fades, s.
+FADES_S = (0.125, 0.25, 0.5, 1.0, 2.0)
+#: Weights below this at every horizon are not worth the search for histories.
+NEGLIGIBLE = 0.01
 #: Share of left-out errors that must lie in the band of that level.
 LEVEL, LEVEL_SIGMAS = 0.9, 1.6448536269514722
 
@@ -30,7 +36,7 @@ class CorrectedPredictor:
     """The weighted mean of the full filter's prediction and of what the nearest histories did next.
 
     Fulfils `style_core.predictor.OnlinePredictor`; estimates are the filter's. Histories are searched for when a
-    prediction is asked for, not before.
+    prediction is asked for and they have a weight in it, not before.
 
     Parameters
     ----------
@@ -50,47 +56,58 @@ class CorrectedPredictor:
         self._horizons = np.concatenate([[0.0], correction.horizons, [2 * correction.horizons[-1]]])
         self._weight = np.pad(correction.weight, ((0, 0), (1, 1)))
         self._spread = np.pad(correction.spread, ((0, 0), (1, 1)), constant_values=1.0)
+        self._fade_s = correction.fade_s
         self._mixed = None  # horizons asked for last, and what follows from them
         self._pose = None
-        self._searching = True
+        self._time = 0.0
+        self._age = None    # how long the filter has been tracking, s; None while it searches
 
     def reset(self):
         """Forget everything observed."""
         self._first.reset()
         self._past.reset()
-        self._pose = None
-        self._searching = True
+        self._pose = self._age = None
 
     def update(self, time, y, mask=None):
         """Take one observation (see `OnlinePredictor.update`)."""
         estimate = self._first.update(time, y, mask)
         self._past.add(estimate.time, y, estimate.observed)
-        self._pose, self._searching = estimate.mean, estimate.status != Status.TRACKING
+        self._pose = estimate.mean
+        if estimate.status != Status.TRACKING:
+            self._age = None
+        else:
+            self._age = 0.0 if self._age is None else self._age + estimate.time - self._time
+        self._time = estimate.time
         return estimate
 
     def predict(self, horizons):
         """Predict ``horizons`` s ahead (see `OnlinePredictor.predict`)."""
         filtered = self._first.predict(horizons)
-        remembered = self.remember(horizons)
+        (late, searching, found), (tracked, searched) = self._mix(np.asarray(horizons, dtype=float))
+        if self._age is None:
+            (weight, growth), spread = searching, searched
+        else:
+            fresh = math.exp(-self._age / self._fade_s)
+            (weight, growth), spread = (one + fresh * (two - one) for one, two in zip(late, found)), tracked
+        remembered = self.remember(horizons) if weight.max(initial=0.0) > NEGLIGIBLE else None
         if remembered is None:
-            return filtered
+            return Prediction(filtered.times, filtered.mean, spread * filtered.std, filtered.velocity)
         mean, velocity = remembered
-        weight, growth, spread = self._mix(np.asarray(horizons, dtype=float))[int(self._searching)]
         mean -= filtered.mean
         velocity -= filtered.velocity
         return Prediction(times=filtered.times, mean=filtered.mean + weight * mean, std=spread * filtered.std,
                           velocity=filtered.velocity + weight * velocity + growth * mean)
 
     def _mix(self, horizons):
-        """Weights, their growth with the horizon and spreads, each (H, 1), while tracking and while searching."""
+        """Weights and their growth with the horizon, and spreads, each (H, 1), in the order of `Correction`."""
         if self._mixed is None or not np.array_equal(self._mixed[0], horizons):
             at = np.searchsorted(self._horizons, horizons, side='right') - 1
-            mixed = []
-            for weight, spread in zip(self._weight, self._spread):
+            weights = []
+            for weight in self._weight:
                 slope = np.append(np.diff(weight) / np.diff(self._horizons), 0.0)
-                mixed.append([part[:, None] for part in (np.interp(horizons, self._horizons, weight), slope[at],
-                                                         np.interp(horizons, self._horizons, spread))])
-            self._mixed = horizons.copy(), mixed
+                weights.append((np.interp(horizons, self._horizons, weight)[:, None], slope[at][:, None]))
+            spreads = [np.interp(horizons, self._horizons, spread)[:, None] for spread in self._spread]
+            self._mixed = horizons.copy(), (weights, spreads)
         return self._mixed[1]
 
     def remember(self, horizons):
@@ -102,7 +119,7 @@ class CorrectedPredictor:
         return moved, velocity
 
 
-def mixing_weights(one, two, groups):
+def mixing_weights(one, two, groups, shares=None):
     """Weight of a second prediction beside a first that minimises the squared error, by horizon.
 
     Parameters
@@ -111,21 +128,33 @@ def mixing_weights(one, two, groups):
         Errors of both on recordings that neither has seen; N_i may be zero.
     groups : sequence
         Who each recording is from; everyone counts the same, however many recordings there are.
+    shares : sequence of ndarray, each (N_i, K), optional
+        The weight at an instant is the mean of K weights with these shares, which add up to one; a single weight by
+        default.
 
     Returns
     -------
-    ndarray, shape (H,)
+    weight : ndarray, shape (K, H)
         In [0, 1].
+    change : float
+        Of the squared error, summed over horizons, against the first prediction alone.
     """
     groups = np.asarray(groups)
-    gain, size = 0.0, 1e-300
-    for first, second, group in zip(one, two, groups):
+    people = len(set(groups))
+    shares = [np.ones((len(first), 1)) for first in one] if shares is None else shares
+    gain, size = 0.0, 0.0
+    for first, second, share, group in zip(one, two, shares, groups):
         if len(first):
             apart = second - first
-            share = 1 / np.sum(groups == group)
-            gain = gain - share * np.mean(apart * first, axis=(0, 2))
-            size = size + share * np.mean(apart * apart, axis=(0, 2))
-    return np.clip(gain / size, 0.0, 1.0)
+            each = 1 / (people * np.sum(groups == group) * apart[:, 0].size)
+            gain = gain - each * np.einsum('nk,nhd,nhd->hk', share, apart, first)
+            size = size + each * np.einsum('nk,nj,nhd,nhd->hkj', share, share, apart, apart, optimize=True)
+    root = np.linalg.cholesky(size + 1e-12 * np.trace(size, axis1=1, axis2=2).max(initial=1e-300)
+                              * np.eye(size.shape[-1]))
+    weight = np.array([lsq_linear(one.T, np.linalg.solve(one, two), bounds=(0.0, 1.0), method='bvls').x
+                       for one, two in zip(root, gain)])
+    change = np.einsum('hk,hkj,hj->', weight, size, weight) - 2 * np.sum(weight * gain)
+    return weight.T, float(change)
 
 
 def learn_correction(behaviours, sequences, progress=False):
@@ -133,7 +162,8 @@ def learn_correction(behaviours, sequences, progress=False):
 
     One person after the other is left out (one recording after the other where there are fewer than four people):
     bases and histories come from the rest, the residual model stays. Weights minimise the squared error, for
-    everyone alike, by horizon, while tracking and while searching; the spread puts 90 % of the errors into the band.
+    everyone alike, by horizon: one while searching; while tracking one that fades into another, in the time that suits
+    best. The spread puts 90 % of the errors into the band.
 
     Parameters
     ----------
@@ -156,7 +186,7 @@ def learn_correction(behaviours, sequences, progress=False):
     labels = np.array(people if len(set(people)) >= FEWEST_PEOPLE else [str(k) for k in range(len(every))])
     count = len(HORIZONS)
     step = 1 if len(histories.positions) < 3000 else 3  # errors of successive frames say much the same
-    neutral = Correction(histories, HORIZONS, np.ones((2, count)), np.ones((2, count)))
+    neutral = Correction(histories, HORIZONS, np.ones((3, count)), np.ones((2, count)), 1.0)
     found, who = [], []
     for label in tqdm(sorted(set(labels)), desc='weights of histories', leave=False,
                       disable=None if progress else True):
@@ -173,22 +203,33 @@ def learn_correction(behaviours, sequences, progress=False):
             if errors is not None:
                 found.append(errors)
                 who.append(people[index])
-    weight, spread = np.zeros((2, count)), np.ones((2, count))
-    for row in (0, 1):
-        parts = [[values[searching == row] for values in (one, two, std)] for one, two, std, searching in found]
-        if sum(len(part[0]) for part in parts) < FEWEST_INSTANTS:
-            if row:  # hardly ever lost: as while tracking
-                weight[1], spread[1] = weight[0], spread[0]
-            continue
-        weight[row] = mixing_weights([part[0] for part in parts], [part[1] for part in parts], who)
-        ratios = []
-        for one, two, std in parts:
-            if len(one):
-                ratio = np.abs(one + weight[row][:, None] * (two - one)) / np.maximum(std, 1e-9)
-                ratio = np.sort(ratio.transpose(1, 0, 2).reshape(count, -1))
-                ratios.append(ratio[:, np.linspace(0, ratio.shape[1] - 1, 200).astype(int)])  # equal weight
-        spread[row] = np.quantile(np.concatenate(ratios, axis=1), LEVEL, axis=1) / LEVEL_SIGMAS
-    return Correction(histories, HORIZONS, weight, spread)
+    weight, spread, fade_s = np.zeros((3, count)), np.ones((2, count)), FADES_S[0]
+    tracking, searching = ([[values[np.isnan(age) == lost] for values in (one, two, std, age)]
+                            for one, two, std, age in found] for lost in (False, True))
+    if sum(len(part[0]) for part in tracking) >= FEWEST_INSTANTS:
+        tried = []
+        for fade_s in FADES_S:
+            fresh = [np.exp(-part[3] / fade_s) for part in tracking]
+            shares = [np.column_stack([1 - one, one]) for one in fresh]
+            tried.append((*mixing_weights(*zip(*(part[:2] for part in tracking)), who, shares), fade_s, shares))
+        weight[[0, 2]], _, fade_s, shares = min(tried, key=lambda one: one[1])
+        spread[0] = _spread(tracking, [share @ weight[[0, 2]] for share in shares])
+    weight[1], spread[1] = weight[2], spread[0]  # hardly ever lost: as when it has just found its way
+    if sum(len(part[0]) for part in searching) >= FEWEST_INSTANTS:
+        weight[1] = mixing_weights(*zip(*(part[:2] for part in searching)), who)[0][0]
+        spread[1] = _spread(searching, [np.broadcast_to(weight[1], (len(part[0]), count)) for part in searching])
+    return Correction(histories, HORIZONS, weight, spread, fade_s)
+
+
+def _spread(parts, weights):
+    """Factor on the standard deviation that puts the wanted share of errors into the band, by horizon, shape (H,)."""
+    ratios = []
+    for (one, two, std, _), weight in zip(parts, weights):
+        if len(one):
+            ratio = np.abs(one + weight[..., None] * (two - one)) / np.maximum(std, 1e-9)
+            ratio = np.sort(ratio.transpose(1, 0, 2).reshape(ratio.shape[1], -1))
+            ratios.append(ratio[:, np.linspace(0, ratio.shape[1] - 1, 200).astype(int)])  # equal weight
+    return np.quantile(np.concatenate(ratios, axis=1), LEVEL, axis=1) / LEVEL_SIGMAS
 
 
 def _without(behaviour, sequences):
@@ -203,7 +244,8 @@ def _without(behaviour, sequences):
 
 
 def _errors(predictor, sequence, step):
-    """Errors of filter and memory and standard deviations, (N, H, D), and whether it searched, (N,); None if short.
+    """Errors of filter and memory and standard deviations, (N, H, D), and how long it tracked, (N,), NaN while it
+    searched; None if short.
 
     At every ``step``-th frame.
     """
@@ -212,10 +254,10 @@ def _errors(predictor, sequence, step):
     if last < 1:
         return None
     frames = np.arange(len(y))
-    one, two, spreads, searching = [], [], [], []
+    one, two, spreads, ages = [], [], [], []
     predictor.reset()
     for frame in range(last + 1):
-        estimate = predictor.update(frame / rate, y[frame])
+        predictor.update(frame / rate, y[frame])
         if frame % step:
             continue
         wanted = frame + HORIZONS * rate
@@ -225,5 +267,5 @@ def _errors(predictor, sequence, step):
         one.append(filtered.mean - actual)
         two.append(predictor.remember(HORIZONS)[0] - actual)
         spreads.append(filtered.std)
-        searching.append(estimate.status != Status.TRACKING)
-    return np.array(one), np.array(two), np.array(spreads), np.array(searching, dtype=int)
+        ages.append(np.nan if predictor._age is None else predictor._age)
+    return np.array(one), np.array(two), np.array(spreads), np.array(ages)

@@ -126,16 +126,19 @@ class Correction:
     histories : Histories
     horizons : ndarray, shape (H,)
         S, increasing.
-    weight : ndarray, shape (2, H)
-        Of the histories, in [0, 1]: while the filter tracks, and while it searches.
+    weight : ndarray, shape (3, H)
+        Of the histories, in [0, 1]: while the filter tracks, while it searches, and when it has just found its way.
     spread : ndarray, shape (2, H)
-        Factor on the filter's standard deviation.
+        Factor on the filter's standard deviation, while it tracks and while it searches.
+    fade_s : float
+        Time in which all but 1/e of the way from the third weights to the first is gone, s.
     """
 
     histories: Histories
     horizons: np.ndarray
     weight: np.ndarray
     spread: np.ndarray
+    fade_s: float
 
 
 def save_behaviours(path, behaviours, training=(), correction=None):
@@ -173,7 +176,8 @@ def save_behaviours(path, behaviours, training=(), correction=None):
     if correction is not None:
         if correction.histories.joint_names != behaviours[0].joint_names:
             raise ModelError('behaviours and histories have different joints')
-        header['histories'] = {'names': list(correction.histories.names), 'rate_hz': correction.histories.rate_hz}
+        header['histories'] = {'names': list(correction.histories.names), 'rate_hz': correction.histories.rate_hz,
+                               'fade_s': correction.fade_s}
         for part, names in ((correction.histories, _RECORDED), (correction, _LEARNED)):
             arrays.update({f'histories.{name}': getattr(part, name) for name in names})
     model_file.save_model(path, KIND, header, arrays)
@@ -220,21 +224,23 @@ def restore_correction(header, arrays, path):
         about = header['histories']
         names, joints = tuple(about['names']), tuple(header['joint_names'])
         parts = {name: arrays[f'histories.{name}'] for name in _RECORDED + _LEARNED}
-        horizons = len(parts['horizons'])
-        wanted = {'lengths': (len(names),), 'ends': (len(names),), 'weight': (2, horizons), 'spread': (2, horizons),
+        horizons, fade_s = len(parts['horizons']), about.get('fade_s')
+        if fade_s is None:  # a file from before weights faded
+            fade_s, parts['weight'] = 1.0, np.concatenate([parts['weight'], parts['weight'][:1]])
+        wanted = {'lengths': (len(names),), 'ends': (len(names),), 'weight': (3, horizons), 'spread': (2, horizons),
                   'positions': (int(parts['lengths'].sum()), len(joints)), 'horizons': (horizons,)}
         for name, shape in wanted.items():
             if parts[name].shape != shape or not np.all(np.isfinite(parts[name])):
                 raise ValueError(f'{name} of the histories does not fit')
         if parts['lengths'].min() < 1 or horizons < 1 or not np.all(np.diff(parts['horizons'], prepend=0.0) > 0):
             raise ValueError('lengths and horizons of the histories must be positive and increase')
-        if not float(about['rate_hz']) > 0:
-            raise ValueError('the rate of the histories must be positive')
+        if not (float(about['rate_hz']) > 0 and float(fade_s) > 0):
+            raise ValueError('the rate of the histories and the time of their fading must be positive')
         histories = Histories(joints, float(about['rate_hz']), names, parts['lengths'].astype(np.int32),
                               parts['ends'].astype(bool), np.ascontiguousarray(parts['positions'], dtype=np.float32))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ModelError(f'{path} holds incomplete histories: {error}') from None
-    return Correction(histories, parts['horizons'], parts['weight'], parts['spread'])
+    return Correction(histories, parts['horizons'], parts['weight'], parts['spread'], float(fade_s))
 
 
 def restore_behaviours(header, arrays, path):
