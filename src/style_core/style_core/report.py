@@ -31,7 +31,9 @@ class Report:
         self.name = name
         self._parts = []
         digest = hashlib.sha256()
-        files = sorted({Path(path) for path in data}, key=lambda path: path.name)
+        # files of the same name in several folders go by what they hold
+        files = sorted({Path(path) for path in data},
+                       key=lambda path: (path.name, hashlib.sha256(path.read_bytes()).digest()))
         for path in files:
             digest.update(path.name.encode())
             digest.update(path.read_bytes())

@@ -1048,6 +1048,7 @@ cdef class PhaseRanking:
     cdef double[::1] tables, samples, log_change, scores
 
     def __init__(self, mean, posture, change, bint rhythmic):
+        cdef Py_ssize_t size, width
         self.nodes, self.channels, self.rhythmic = mean.shape[0] - 1, mean.shape[1], rhythmic
         self.f.blocks = (self.channels + LANES - 1) // LANES
         self.f.width = width = self.f.blocks * LANES

@@ -58,6 +58,7 @@ class FullPredictor:
         self._search = Search(behaviours, glances, self._pool, single='search' in without)
         self._certain = [{one.name: float(one.name == behaviour.name) for one in behaviours}
                          for behaviour in behaviours]
+        self._slowest = [one.velocity[2] if one.velocity[2] > 0 else -1.0 for one in behaviours]
         channels = len(self.joint_names)
         self._gate = ObservationGate(channels)
         # one is what these variances promise; three times a lower median called steady walks lost
@@ -115,8 +116,10 @@ class FullPredictor:
                 self._status = Status.TRACKING
                 self._monitor.reset()
         if not self._searching:
-            out = self._monitor.add(search.leader.filter.innovation, dt)
-            self._slow_s = self._slow_s + dt if self._slowest() else 0.0
+            leader = search.leader
+            out = self._monitor.add(leader.filter.innovation, dt)
+            # as slow as its behaviour allows, a phase follows something else, whatever the innovations say
+            self._slow_s = self._slow_s + dt if leader.filter.velocity <= self._slowest[leader.behaviour] else 0.0
             if (out or self._slow_s > self._monitor.window_s) and 'restart' not in self._without:
                 self._searching = True
                 self._slow_s = 0.0
@@ -125,12 +128,6 @@ class FullPredictor:
                 self._bands.forget()
         if not self._searching:
             self._bands.follow(search.leader, gate.time, gate.y, gate.seen)
-
-    def _slowest(self):
-        """Is the phase as slow as a behaviour allows? Then it follows something else, whatever the innovations say."""
-        leader = self._search.leader
-        lowest = self._behaviours[leader.behaviour].velocity[2]
-        return lowest > 0 and leader.filter.velocity <= lowest
 
     def _probabilities(self):
         if not self._searching:

@@ -286,6 +286,7 @@ cdef class Search:
         return budget - cost
 
     cdef _glance(self, int index, y, observed, back, int speeds):
+        cdef Py_ssize_t slot
         glance = self.glances[index]
         for slot, found in enumerate(glance.peaks(y, observed, back, glance.speeds[:speeds]), self._slot[index]):
             self._found[slot] = found
