@@ -102,7 +102,8 @@ class FullPredictor:
         sampled = search.store(gate.time, gate.y, gate.observed)
         spent = 0
         leader = search.leader
-        if leader is not None:
+        # while hypotheses are compared all of them see the same samples: one that sees more is surprised less by each
+        if leader is not None and (sampled or not self._searching):
             leader.take(gate.time, gate.y, gate.observed)
             spent = 1
             if sampled:
@@ -147,17 +148,27 @@ class FullPredictor:
         else:
             index, one = leader.behaviour, leader.filter
             innovation, log_likelihood = one.innovation, one.log_likelihood
+        late = self._late(leader)
         scale = self._bands.present(index)
         even = isinstance(scale, float)
         phase, speed, covariance, style, style_covariance, mean, std = one.describe(
             *self._priors[index], scale if even else 1.0)
         if not even:
             std *= scale
+        if late > 0:
+            phase += late * speed
+            if self._behaviours[index].rhythmic:
+                phase %= 2 * math.pi
+            mean, std, _ = (values[0] for values in self._ahead(index, one, np.array([late])))
         return Estimate(
             time=self._gate.time, phase=phase, phase_velocity=speed, phase_covariance=covariance, style=style,
             style_covariance=style_covariance, mean=mean, std=std, observed=self._gate.flags(),
             innovation=innovation, log_likelihood=log_likelihood, status=self._status,
             behaviours=self._probabilities())
+
+    def _late(self, leader):
+        """Time since the leader's last update, s: one of several hypotheses, it waits for the next sample of all."""
+        return self._gate.time - leader.time if self._searching and leader is not None else 0.0
 
     def predict(self, horizons):
         """Predict at ``horizons`` (shape (H,), s after the last update, >= 0)."""
@@ -165,7 +176,7 @@ class FullPredictor:
         leader = self._search.leader
         index, one = (0, self._pool[0][0]) if leader is None else (leader.behaviour, leader.filter)
         try:
-            mean, std, velocity = self._ahead(index, one, horizons)
+            mean, std, velocity = self._ahead(index, one, horizons + self._late(leader))
         except ArithmeticError:
             self._forget()
             mean, std, velocity = self._ahead(0, self._pool[0][0], horizons)
