@@ -8,7 +8,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import lsq_linear
 from tqdm import tqdm
 
 from style_core.histories import FRAMES, HistorySearch, RecentPast, gather
@@ -139,6 +138,7 @@ def mixing_weights(one, two, groups, shares=None):
     change : float
         Of the squared error, summed over horizons, against the first prediction alone.
     """
+    from scipy.optimize import lsq_linear  # as in `learning`
     groups = np.asarray(groups)
     people = len(set(groups))
     shares = [np.ones((len(first), 1)) for first in one] if shares is None else shares
