@@ -547,6 +547,7 @@ cdef class ArrowFilter:
 
     cdef readonly Table table
     cdef readonly double innovation, log_likelihood
+    cdef readonly double log_determinant    # of the covariance of the last update's innovations
     cdef readonly int seen              # joints observed in the last update
     cdef readonly int styles, states, channels, common, harmonics
     cdef double offset_rate, fast_rate, personal_rate, style_rate, acceleration, lowest, highest
@@ -900,7 +901,7 @@ cdef class ArrowFilter:
         for i in range(m):
             total += f.delta[i] * self.work[i]
         squares -= total
-        self.innovation = squares / self.seen
+        self.innovation, self.log_determinant = squares / self.seen, logs
         self.log_likelihood = -0.5 * (squares + logs + self.seen * LOG_TWO_PI)
         for i in range(m):
             self.c[i] += f.delta[i]

@@ -5,8 +5,6 @@ from libc.math cimport INFINITY, M_PI, NAN, exp, fabs, floor, isnan, log, log1p
 
 from style_core.phase_style.kernel import PhaseRanking
 
-cdef double LOG_TWO_PI = 1.8378770664093453
-
 __all__ = ['BUDGET', 'GLANCE_COST', 'LIVE', 'START_COST', 'Glance', 'Search', 'Track']
 
 #: Samples kept for starting a hypothesis in the past, samples a glance looks at, and their smallest distance, s.
@@ -110,7 +108,7 @@ cdef class Track:
         """Take the filter's last update into account."""
         cdef double innovation = self.filter.innovation, seen = self.filter.seen
         if not isnan(innovation):
-            self.logs = MEMORY * self.logs - 2 * <double>self.filter.log_likelihood - seen * (innovation + LOG_TWO_PI)
+            self.logs = MEMORY * self.logs + <double>self.filter.log_determinant
             if self.count == 0:
                 innovation = 1 + (self.tail + 1) * log1p((innovation - 1) / (self.tail + 1))
             self.misfit = MEMORY * self.misfit + innovation
@@ -313,7 +311,7 @@ cdef class Search:
 
     cdef double _start_candidates(self, int live, double budget):
         """Start the best that was seen at a glance and is not running yet; returns the budget left."""
-        cdef double now = self._last, at, speed
+        cdef double now = self._last, at, speed, spread
         cdef int slot, index
         cdef long first
         order = []
@@ -331,11 +329,11 @@ cdef class Search:
                 continue
             one = self._free[index].pop()
             first = max(self._filled - REPLAY, self._first)
-            glance = self.glances[index]
+            glance, spread = self.glances[index], max(self._spread[index], 1e-3)
             one.start(at - speed * (now - self._time[first - self._base]), speed, glance.width ** 2,
-                      max(self._spread[index], 1e-3) ** 2 * (0.5 if len(glance.speeds) > 1 else 1.0))
+                      spread ** 2 * (0.5 if len(glance.speeds) > 1 else 1.0))
             self.tracks.append(Track(index, one, first, self._tail[index],
-                                     -0.5 * ((speed - glance.speeds[0]) / max(self._spread[index], 1e-3)) ** 2))
+                                     -0.5 * ((speed - glance.speeds[0]) / spread) ** 2))
             budget -= START_COST
         return budget
 
