@@ -32,16 +32,16 @@ class Report:
         self._parts = []
         digest = hashlib.sha256()
         # files of the same name in several folders go by what they hold
-        files = sorted({Path(path) for path in data},
-                       key=lambda path: (path.name, hashlib.sha256(path.read_bytes()).digest()))
-        for path in files:
-            digest.update(path.name.encode())
-            digest.update(path.read_bytes())
+        files = sorted(((path.name, path.read_bytes()) for path in {Path(path) for path in data}),
+                       key=lambda file: (file[0], hashlib.sha256(file[1]).digest()))
+        for file, content in files:
+            digest.update(file.encode())
+            digest.update(content)
         self._record = {
             'title': title, 'command': command, 'seed': seed,
             'versions': {'style_core': __version__, 'python': platform.python_version(),
                          'numpy': np.__version__, 'scipy': scipy.__version__},
-            'data': {'files': [path.name for path in files],
+            'data': {'files': [file for file, _ in files],
                      'sha256': digest.hexdigest() if files else None},
             'tables': {}}
         self._figures = []
