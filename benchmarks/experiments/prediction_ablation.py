@@ -31,6 +31,7 @@ VARIANTS = {
     'without the search at the start': ('search',),
     'without restart': ('restart',),
     'without standing still': ('still',),
+    'without rejection of sensors that lie': ('rejection',),
 }
 
 

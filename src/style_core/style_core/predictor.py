@@ -35,7 +35,7 @@ class Estimate:
     mean, std : ndarray, shape (D,)
         Filtered pose, rad: observed joints smoothed, masked joints filled in.
     observed : ndarray of bool, shape (D,)
-        Which joints entered this update.
+        Which joints entered this update: measured, and believed where the predictor doubts.
     innovation : float
         Squared Mahalanobis innovation divided by the number of observed joints; about 1 when the model fits,
         NaN when nothing was observed.

@@ -5,6 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from style_core.errors import MotionError, UsageError
+from style_core.live.health import health_of
 from style_core.live.joint_map import JointMap, JointRule, identity_map
 from style_core.live.stream import PredictorStream, StreamSettings, warm_up
 from style_core.predictor import Estimate, Prediction, Status
@@ -152,10 +153,30 @@ def test_sensor_states():
     live = stream(joint_timeout=0.1)
     live.receive(['hip', 'knee'], [1.0, np.nan], 10 * S, 0)
     assert live.sensors(10 * S) == {'used': ['hip'], 'masked': [], 'timed out': [], 'never seen': ['ankle'],
-                                    'not measured': ['knee']}
+                                    'not believed': [], 'not measured': ['knee']}
     live.set_mask(['ankle'], False)
     assert live.sensors(11 * S)['timed out'] == ['hip', 'knee']
     assert live.sensors(11 * S)['masked'] == ['ankle']
+
+
+class Doubter(Holder):
+    """Believes no angle above 2 rad."""
+
+    def update(self, time, y, mask=None):
+        return super().update(time, np.where(y > 2, np.nan, y), mask)
+
+
+def test_what_the_filter_does_not_believe_is_filled_in_counted_and_named():
+    rules = {'hip': JointRule('a', scale=2.0), 'knee': JointRule('b'), 'ankle': JointRule('c')}
+    live = PredictorStream(Doubter(), JointMap(rules).bind(NAMES), StreamSettings(merge_window=0.0, max_stamp_age=0.0))
+    live.receive(['a', 'b', 'c'], [1.0, 1.0, 1.0], 10 * S, 0)
+    step, = live.receive(['a', 'b', 'c'], [3.0, 3.0, np.nan], 11 * S, 0)
+    np.testing.assert_array_equal(step.observed, [True, False, False])
+    np.testing.assert_array_equal(step.doubted, [False, True, False])
+    np.testing.assert_array_equal(step.positions, [3.0, 1.0, 1.0])
+    assert live.tally.total['values not believed'] == 1
+    assert live.sensors(11 * S)['not believed'] == ['b'] and live.sensors(11 * S)['not measured'] == ['c']
+    assert '1 values not believed' in health_of(live, 11 * S).summary
 
 
 def test_reset_keeps_the_mask():

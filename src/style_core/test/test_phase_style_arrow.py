@@ -235,3 +235,114 @@ def test_prediction_is_the_dense_one(harmonics):
         np.testing.assert_allclose(mean[h], want, atol=1e-9)
         spread = np.diag(jacobian @ two.p @ jacobian.T) + two.noise
         np.testing.assert_allclose(std[h] ** 2, spread, rtol=1e-7)
+
+
+def followed(one, two, seconds=1.0, wrong=None, believe=(12.0, 0.25, True), rate=60):
+    """Two filters over the same motion, the second undisturbed: how the first was disturbed by ``wrong(k, y)``."""
+    rng = np.random.default_rng(1)
+    one.believe(*believe)
+    for k in range(int(seconds * rate)):
+        weight, shift = np.array([1, 0.5, -0.3]), np.linspace(-0.05, 0.05, one.channels)
+        y = weight @ one.table.evaluate(1.0 + 2.0 * k / rate)[0] + shift + 0.01 * rng.standard_normal(one.channels)
+        seen = np.ones(one.channels, dtype=np.uint8)
+        two.update(y, seen, 1 / rate if k else 0.0)
+        one.update(y if wrong is None else wrong(k, y.copy()), seen, 1 / rate if k else 0.0)
+
+
+def pair(channels=8):
+    return [both(np.random.default_rng(3), 2, channels, 1, 0.5, 0.2)[0] for _ in range(2)]
+
+
+def assert_same(one, two):
+    np.testing.assert_array_equal(one.state, two.state)
+    np.testing.assert_array_equal(one.covariance, two.covariance)
+    np.testing.assert_array_equal(one.residuals, two.residuals)
+
+
+def test_what_is_believable_changes_nothing():
+    one, two = pair()
+    followed(one, two)
+    assert one.rejected == 0 and one.seen == 8
+    assert_same(one, two)
+
+
+@pytest.mark.parametrize('value', [2.0, -1e3, 1e12])
+def test_a_channel_that_is_not_believed_is_as_if_it_were_not_observed(value):
+    one, two = pair()
+
+    def broken(k, y):
+        y[5] = value if k == 59 else y[5]
+        return y
+
+    followed(one, two, seconds=59 / 60)
+    y = one.table.evaluate(1.0)[0][0] * 0
+    y[:] = np.array([1, 0.5, -0.3]) @ one.table.evaluate(1.0 + 2.0 * 59 / 60)[0] + np.linspace(-0.05, 0.05, 8)
+    seen = np.ones(8, dtype=np.uint8)
+    one.update(broken(59, y.copy()), seen, 1 / 60)
+    seen[5] = 0
+    two.update(y, seen, 1 / 60)
+    assert one.rejected == 1 and one.seen == 7
+    np.testing.assert_array_equal(one.used, seen)
+    assert_same(one, two)
+    assert one.innovation == two.innovation and one.log_likelihood == two.log_likelihood
+
+
+def test_a_sensor_that_says_one_thing_for_ever_is_never_believed():
+    one, two = pair()
+
+    def dead(k, y):
+        y[2] = 8.0 if k > 30 else y[2]
+        return y
+
+    followed(one, two, seconds=3.0, wrong=dead)
+    assert not one.used[2] and one.rejected == 1
+    assert abs(one.phase - two.phase) < 0.05
+
+
+def test_a_channel_that_moves_and_agrees_with_itself_is_believed_after_a_while():
+    one, two = pair()
+    rejected = []
+
+    def elsewhere(k, y):
+        rejected.append(one.rejected)
+        y[2] += 8.0 if k > 30 else 0.0
+        return y
+
+    followed(one, two, seconds=1.5, wrong=elsewhere)
+    assert 10 <= sum(rejected) <= 14                       # 0.2 s at 60 Hz
+    assert one.used[2] and one.residuals[0, 2] > 5
+    assert abs(one.phase - two.phase) < 0.1                # the others hardly notice
+
+
+def test_a_channel_that_contradicts_itself_is_never_believed():
+    one, two = pair()
+    rng = np.random.default_rng(4)
+
+    def wild(k, y):
+        y[2] += rng.choice([-1, 1]) * rng.uniform(5, 50) if k > 30 else 0.0
+        return y
+
+    followed(one, two, seconds=2.0, wrong=wild)
+    assert not one.used[2] and abs(one.phase - two.phase) < 0.05
+
+
+@pytest.mark.parametrize('whole', [True, False])
+def test_where_many_channels_are_out_it_is_the_motion(whole):
+    one, two = pair()
+
+    def zero(k, y):
+        return y + 5.0 if k == 59 else y
+
+    followed(one, two, seconds=1.0, wrong=zero, believe=(12.0, 0.25, whole))
+    assert (one.rejected, one.seen) == ((8, 0) if whole else (0, 8))
+    assert np.isnan(one.innovation) == whole
+    if whole:  # time has passed, and that is all
+        assert one.phase == pytest.approx(two.phase, abs=0.05)
+    else:
+        assert one.innovation > 100
+
+
+def test_of_three_channels_none_is_told_to_be_wrong_alone():
+    one, two = pair(channels=3)
+    followed(one, two, wrong=lambda k, y: y + np.array([5.0, 0, 0]) * (k == 59), believe=(12.0, 0.25, False))
+    assert one.rejected == 0 and one.seen == 3

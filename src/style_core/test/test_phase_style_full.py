@@ -163,6 +163,61 @@ def test_a_jump_of_phase_is_noticed_and_mended(walk):
     assert rms(errors[155:200]) < rms(blind[155:200])
 
 
+def walk_with(walk, wrong, seconds=3.0, without=()):
+    """Errors of a walk, of the same with observations changed by ``wrong(frame, y)``, and estimates of that."""
+    y = made_person('n_1', 5.6, 0.5, 31, seconds=seconds)[0].y
+    predictor = FullPredictor([walk], without=without)
+    clean = follow(predictor, y)[0]
+    predictor.reset()
+    estimates, errors = [], []
+    for frame in range(len(y) - 25):
+        estimates.append(predictor.update(frame / 60, wrong(frame, y[frame].copy())))
+        errors.append(predictor.predict(AHEAD).mean - y[frame + np.arange(1, 26)])
+    return clean, np.array(errors), estimates
+
+
+@pytest.mark.parametrize('size', [0.7, 3.0, 1e4])
+def test_a_sensor_that_errs_once_is_noticed_and_forgotten(walk, size):
+    def spike(frame, y):
+        y[3] += size * (frame == 100)
+        return y
+
+    clean, errors, estimates = walk_with(walk, spike)
+    assert all(estimate.status is Status.TRACKING for estimate in estimates[60:])
+    np.testing.assert_array_equal(np.flatnonzero(~estimates[100].observed), [3])
+    assert all(estimate.observed.all() for estimate in estimates[101:])
+    assert rms(errors[100:130]) < 1.05 * rms(clean[100:130])
+    believing = walk_with(walk, spike, without=['rejection'])[1]
+    assert rms(believing[100:130]) > 1.5 * rms(clean[100:130])
+
+
+@pytest.mark.parametrize('first, value', [(0, 25.0), (90, 7.0)])
+def test_a_dead_sensor_is_left_out_for_good_whether_from_the_start_or_later(walk, first, value):
+    def dead(frame, y):
+        if frame >= first:
+            y[3] = value
+        return y
+
+    clean, errors, estimates = walk_with(walk, dead)
+    others = np.arange(6) != 3
+    assert not any(estimate.observed[3] for estimate in estimates[max(first, 60):])
+    assert estimates[-1].status is Status.TRACKING
+    assert rms(errors[100:, :, others]) < 1.3 * rms(clean[100:, :, others])
+    assert rms(errors[100:, :, 3]) < 0.3  # filled in as if it were dark
+
+
+def test_one_observation_that_is_wrong_altogether_costs_nothing(walk):
+    clean, errors, estimates = walk_with(walk, lambda frame, y: y * 0 - 2.0 if frame == 100 else y)
+    assert not estimates[100].observed.any() and estimates[100].status is Status.LOST
+    assert estimates[125].status is Status.TRACKING
+    assert rms(errors[100:130]) < 1.1 * rms(clean[100:130])
+
+
+def test_a_search_begins_anew_where_everything_before_was_from_elsewhere(walk):
+    clean, errors, _ = walk_with(walk, lambda frame, y: y * 0 + 2.5 if frame < 3 else y)
+    assert rms(errors[30:]) < 1.2 * rms(clean[30:]) + 0.01
+
+
 def test_after_a_loss_nothing_from_before_is_searched(walk):
     predictor = FullPredictor([walk], without=['still'])
     one, two = (made_person(name, 5.6, 0.5, seed, shift=shift, seconds=2.5)[0].y
@@ -194,6 +249,8 @@ def test_a_phase_that_stands_at_its_slowest_is_lost_whatever_the_innovations_say
 
 class Told:
     """A filter that says what it is told."""
+
+    rejected = 0
 
     def __init__(self, seen):
         self.seen = seen

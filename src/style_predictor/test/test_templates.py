@@ -73,7 +73,7 @@ def test_estimates_of_any_size_are_read_back(styles, behaviours):
                         rng.standard_normal((styles, styles)), np.zeros(3), np.ones(3), np.array([True, False, True]),
                         float('nan'), -12.5, Status.LOST, behaviours)
     positions = rng.standard_normal(3)
-    step = Step(STAMP, estimate, positions, np.ones(3), estimate.observed)
+    step = Step(STAMP, estimate, positions, np.ones(3), estimate.observed, ~estimate.observed)
     read = deserialize_message(write.estimate(step), StyleEstimate)
     assert stamp_of(read) == STAMP and read.status == StyleEstimate.LOST and read.model == 'walk'
     assert read.discrete == ('jump' in behaviours)

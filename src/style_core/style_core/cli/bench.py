@@ -33,6 +33,7 @@ AREAS = {
         '6': ('prediction_recovery', 'recovery after getting lost, error of the phase'),
         '7': ('prediction_cmu8', 'the CMU 8-action benchmark'),
         '8': ('prediction_timing', 'bad timing'),
+        '9': ('prediction_faults', 'sensors that lie'),
         'ablation': ('prediction_ablation', 'what each ingredient is worth'),
         'bars': ('prediction_bars', 'summary of all tables against the goals set'),
     }

@@ -12,7 +12,8 @@ OK, WARN, ERROR = 0, 1, 2
 
 #: reasons for which a message or a value is not used
 REJECTIONS = ('unreadable', 'wrong length', 'no positions', 'duplicate names', 'no known joint', 'stale', 'future',
-              'jump', 'out of order', 'late', 'NaN values', 'implausible values', 'filter failures')
+              'jump', 'out of order', 'late', 'NaN values', 'implausible values', 'values not believed',
+              'filter failures')
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,10 @@ class Faults:
         When, s after the start.
     drop_as_nan : bool
         Dark joints are published as NaN instead of being left out.
+    drop_as_zero : bool
+        Dark joints are published as 0, as an encoder does that has lost its signal.
+    glitch : float
+        Probability that one joint of a sample, any of them, is off by a normal number of radians.
     noise_std : float
         White noise on every joint, rad.
     jitter : float
@@ -41,6 +45,8 @@ class Faults:
     drop_from: float = 0.0
     drop_until: float = float('inf')
     drop_as_nan: bool = False
+    drop_as_zero: bool = False
+    glitch: float = 0.0
     noise_std: float = 0.0
     jitter: float = 0.0
     lose: float = 0.0
@@ -54,8 +60,10 @@ class Faults:
         for name in ('drop_from', 'noise_std', 'gap_every', 'gap_length', 'jump_at'):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
                 raise UsageError(f'{name} must be finite and not negative, not {getattr(self, name)}')
-        if not (0 <= self.jitter < 1 and 0 <= self.lose < 1):
-            raise UsageError('jitter and lose must lie in [0, 1)')
+        if not (0 <= self.jitter < 1 and 0 <= self.lose < 1 and 0 <= self.glitch < 1):
+            raise UsageError('jitter, lose and glitch must lie in [0, 1)')
+        if self.drop_as_nan and self.drop_as_zero:
+            raise UsageError('dark joints are published as NaN or as 0, not both')
         if not self.drop_until >= self.drop_from:
             raise UsageError('drop_until must not come before drop_from')
         if not np.isfinite(self.jump_by):
@@ -123,6 +131,7 @@ def play(motion, faults=None, loop=False, speed=1.0, stamps='clock') -> Iterator
 
 def _samples(motion, faults, loop, speed, stamps, dark):
     rng = np.random.default_rng(faults.seed)
+    glitches = np.random.default_rng([faults.seed, 1])
     names = tuple(motion.joint_names)
     lit_names = tuple(name for name, out in zip(names, dark) if not out)
     times = (motion.times - motion.times[0]) / speed
@@ -135,6 +144,7 @@ def _samples(motion, faults, loop, speed, stamps, dark):
             # drawn for every sample, lost or not, so that one fault does not change another
             late, luck = rng.random(2)
             noise = rng.standard_normal(len(names))
+            wrong, off = glitches.random(2), glitches.standard_normal()
             if faults.gap_every and on_time % faults.gap_every >= faults.gap_every - faults.gap_length:
                 continue
             if luck < faults.lose:
@@ -142,10 +152,12 @@ def _samples(motion, faults, loop, speed, stamps, dark):
             due = on_time + late * faults.jitter * interval
             truth = motion.positions[frame]
             positions = truth + faults.noise_std * noise
+            if wrong[0] < faults.glitch:
+                positions[int(wrong[1] * len(names))] += off
             own_names = names
             if faults.drop_from <= on_time < faults.drop_until and dark.any():
-                if faults.drop_as_nan:
-                    positions = np.where(dark, np.nan, positions)
+                if faults.drop_as_nan or faults.drop_as_zero:
+                    positions[dark] = np.nan if faults.drop_as_nan else 0.0
                 else:
                     own_names, positions = lit_names, positions[~dark]
             stamp = {'clock': due, 'zero': None, 'file': motion.times[frame]}[stamps]

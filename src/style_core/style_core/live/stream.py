@@ -71,10 +71,12 @@ class Step:
     estimate : Estimate
         In model channels.
     positions : ndarray, shape (R,)
-        Robot angles: measured where observed, the filter's where masked.
+        Robot angles: measured where observed, else the filter's.
     std : ndarray, shape (R,)
         Of the filter's pose.
     observed : ndarray of bool, shape (R,)
+    doubted : ndarray of bool, shape (R,)
+        Measured, but not believed by the filter; not ``observed`` then.
     """
 
     stamp: int
@@ -82,6 +84,7 @@ class Step:
     positions: np.ndarray
     std: np.ndarray
     observed: np.ndarray
+    doubted: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,9 +255,13 @@ class PredictorStream:
             self.predictor.reset()
             self._epoch = None
             return None
+        doubted = observed & ~estimate.observed[self.joint_map.channels]
+        if doubted.any():
+            self.tally.count('values not believed', int(np.count_nonzero(doubted)))
+            observed = observed & ~doubted
         filled = self.joint_map.to_robot(estimate.mean)
         np.copyto(filled, frame.values, where=observed)
-        self.last = Step(frame.stamp, estimate, filled, self.joint_map.spread_to_robot(estimate.std), observed)
+        self.last = Step(frame.stamp, estimate, filled, self.joint_map.spread_to_robot(estimate.std), observed, doubted)
         self.tally.count('updates')
         return self.last
 
@@ -278,16 +285,18 @@ class PredictorStream:
     def sensors(self, now):
         """State of every robot joint's sensor at ``now`` (ns): a dict of state to list of names.
 
-        The states are ``used``, ``masked`` (by request), ``timed out``, ``never seen`` and ``not measured`` (absent
-        from the last frame, or NaN).
+        The states are ``used``, ``masked`` (by request), ``timed out``, ``never seen``, ``not believed`` (by the
+        filter, in the last frame) and ``not measured`` (absent from the last frame, or NaN).
         """
         timeout = self.settings.joint_timeout
-        observed = self.last.observed.tolist() if self.last is not None else [False] * len(self.robot_joints)
-        found = {state: [] for state in ('used', 'masked', 'timed out', 'never seen', 'not measured')}
-        for name, age, seen, allowed in zip(
-                self.robot_joints, self._frames.ages(now).tolist(), observed, self._allowed.tolist()):
+        nothing = np.zeros(len(self.robot_joints), dtype=bool)
+        observed, doubted = (nothing, nothing) if self.last is None else (self.last.observed, self.last.doubted)
+        found = {state: [] for state in ('used', 'masked', 'timed out', 'never seen', 'not believed', 'not measured')}
+        ages = self._frames.ages(now).tolist()
+        for name, age, seen, doubt, allowed in zip(
+                self.robot_joints, ages, observed.tolist(), doubted.tolist(), self._allowed.tolist()):
             state = ('masked' if not allowed else 'never seen' if age == np.inf else 'timed out' if age > timeout
-                     else 'used' if seen else 'not measured')
+                     else 'used' if seen else 'not believed' if doubt else 'not measured')
             found[state].append(name)
         return found
 

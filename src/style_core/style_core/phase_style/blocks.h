@@ -31,6 +31,7 @@ typedef struct {
     double *states;
     double *sums;            /* (m (m + 1) / 2 + m + 1, 4): G^T S^-1 G, G^T S^-1 e, e^T S^-1 e */
     double logs;             /* log det S */
+    double worst;            /* largest e^2 / S of a channel */
     const double *y;
     const unsigned char *observed;
     /* time step */

@@ -145,7 +145,7 @@ static void NAME(arrow_sense)(arrow *f, int step)
 {
     const int m = f->m, n = f->n, styles = m - 2;
     v4 *sums = (v4 *)f->sums;
-    v4 h[8];
+    v4 h[8], worst = {};
     NAME(spread_weights)(&f->at, h);
     memset(sums, 0, (TRI(m, 0) + m + 1) * sizeof(v4));
     f->logs = 0;
@@ -225,8 +225,14 @@ static void NAME(arrow_sense)(arrow *f, int step)
                 sums[TRI(i, j)] += t[0] * g[2 * j] + t[1] * g[2 * j + 1];
             sums[TRI(m, 0) + i] += t[0] * error[0] + t[1] * error[1];
         }
-        sums[TRI(m, 0) + m] += error[0] * error[0] * inverse[0] + error[1] * error[1] * inverse[1];
+        EACH {
+            const v4 square = error[k] * error[k] * inverse[k];
+            const l4 larger = square > worst;
+            worst = (v4)(((l4)square & larger) | ((l4)worst & ~larger));
+            sums[TRI(m, 0) + m] += square;
+        }
     }
+    f->worst = fmax(fmax(worst[0], worst[1]), fmax(worst[2], worst[3]));
 }
 
 /* Residual states given the new common state. */

@@ -13,7 +13,7 @@ __all__ = ['style_prior', 'person_weights', 'styles_in_gait', 'gaits_of', 'white
            'still_behaviour', 'PARTS']
 
 #: Parts of the full filter that can be switched off, to see what each is worth.
-PARTS = ('prior', 'offset', 'fast', 'personal', 'drift', 'calibration', 'search', 'restart', 'still')
+PARTS = ('prior', 'offset', 'fast', 'personal', 'drift', 'calibration', 'search', 'restart', 'still', 'rejection')
 
 
 def style_prior(styles, groups, factor):

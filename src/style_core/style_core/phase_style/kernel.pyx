@@ -12,7 +12,7 @@ import numpy as np
 
 from libc.math cimport INFINITY, NAN, cos, exp, floor, log, sin, sqrt
 from libc.stdint cimport uintptr_t
-from libc.string cimport memcmp, memset
+from libc.string cimport memcmp, memcpy, memset
 
 cdef extern from "blocks.h":
     enum: LANES, MOST
@@ -25,7 +25,7 @@ cdef extern from "blocks.h":
         int m, n, harmonics, blocks, channels, width, rows, third
         double *states
         double *sums
-        double logs
+        double logs, worst
         const double *y
         const unsigned char *observed
         double dt, rho, f11, f12, f21, f22, fast_rate2
@@ -87,6 +87,7 @@ cdef double TWO_PI = 6.283185307179586
 cdef double NOISE_STEP_S = 1 / 60.0 - 1e-6
 #: Standard deviations are evaluated at so many of the horizons, evenly chosen with both ends, and interpolated.
 cdef int KNOTS = 9
+cdef unsigned char OUT = 2
 cdef double LOG_TWO_PI = 1.8378770664093453
 
 
@@ -515,6 +516,12 @@ cdef class PaperFilter:
         paper_ahead(&self.f, &at, self.table.variance(phase, self.f.w), phase_variance, speed, mean, std, velocity)
 
 
+#: A channel that contradicts the filter, but not itself, is believed after this long, s.
+cdef double BELIEVED_S = 0.2
+#: Of fewer channels than this no single one can be told to be wrong.
+cdef int ALONE = 4
+
+
 cdef class ArrowFilter:
     """Extended Kalman filter over phase, phase velocity, style, and residual states of every channel.
 
@@ -543,12 +550,25 @@ cdef class ArrowFilter:
         Density of the phase acceleration.
     bounds : (float, float)
         Lowest and highest phase velocity.
+
+    Attributes
+    ----------
+    used : ndarray of uint8, shape (D,)
+        Channels that entered the last update.
+    rejected : int
+        How many were observed and not believed (see `believe`).
     """
 
     cdef readonly Table table
     cdef readonly double innovation, log_likelihood
     cdef readonly double log_determinant    # of the covariance of the last update's innovations
-    cdef readonly int seen              # joints observed in the last update
+    cdef readonly int seen, rejected    # joints that entered the last update, and those that were not believed
+    cdef readonly object used
+    cdef unsigned char[::1] _used
+    cdef double limit, few              # what is believed
+    cdef bint whole
+    cdef double[:, ::1] doubt   # of each channel: how long it has not been believed, s (-1: it is), last error and value
+    cdef bint doubting          # some are not believed
     cdef readonly int styles, states, channels, common, harmonics
     cdef double offset_rate, fast_rate, personal_rate, style_rate, acceleration, lowest, highest
     cdef arrow f
@@ -565,6 +585,8 @@ cdef class ArrowFilter:
 
     def __init__(self, Table table, offset, fast, personal, noise, rates, double acceleration, bounds):
         cdef int n, m
+        self.used = np.zeros(table.channels, dtype=np.uint8)
+        self._used, self.doubt = self.used, np.empty((table.channels, 3))
         personal = np.ascontiguousarray(personal, dtype=float).reshape(-1, table.channels)
         self.table = table
         self.styles = table.count - 1
@@ -591,6 +613,7 @@ cdef class ArrowFilter:
             self._row(first + row)[...] = 1.0 if row == 0 else 0.0   # channels that fill the last block up
             self._put(first + row, values)
         self.c, self.work = np.zeros(m), np.zeros(m)
+        self.believe()
         self.age = np.zeros(max(self.styles, 1))
         self.P, self.precision, self.matrix = (np.zeros((m, m)) for _ in range(3))
         self.turn = 0
@@ -609,6 +632,22 @@ cdef class ArrowFilter:
 
     cdef double* _state(self, int block, int row) noexcept nogil:
         return self.f.states + (<long>block * self.f.rows + row) * LANES
+
+    def believe(self, double limit=INFINITY, double few=0.0, bint whole=False):
+        """What to believe from now on; everything, unless told.
+
+        A channel whose innovation is more than ``limit`` of its standard deviations is left out of the update, for as long
+        as it contradicts what came before or does not change by a single bit; once it has agreed with itself for 0.2 s
+        it is believed, and its offset sought anew. Where more than a share ``few`` of the channels is out, and not one
+        alone, it is not a few sensors that fail: then the observation is left out as a whole, or used as it is.
+
+        Parameters
+        ----------
+        limit : float
+        few : float
+        whole : bool
+        """
+        self.limit, self.few, self.whole = limit, few, whole
 
     def start(self, double phase, double velocity, double phase_variance, double velocity_variance):
         """Begin anew: style and residual states at their priors, a covariance of any correlation forgotten."""
@@ -632,6 +671,9 @@ cdef class ArrowFilter:
                         k = a + 1 if a < 2 else 4 + (a - 3) // 2
                         self._state(block, V + a * (a + 1) // 2 + a)[lane] = self._state(block, constants + k)[lane]
         self.innovation, self.log_likelihood = NAN, 0
+        self.rejected = 0
+        self.doubt[:, 0] = -1
+        self.doubting = False
         self.fresh = self.rooted = False
         self.turn = 0
         self._bound()
@@ -763,13 +805,14 @@ cdef class ArrowFilter:
             self.fresh = True
         self.rooted = False
         self.f.thin = NOISE_STEP_S / dt if 0 < dt < NOISE_STEP_S else 1.0
-        self.f.y, self.f.observed = &y[0], &observed[0]
+        memcpy(&self._used[0], &observed[0], self.channels)
+        self.f.y, self.f.observed = &y[0], &self._used[0]
         with nogil:
             status = 0
             if dt > 0:
                 status = self._advance(dt)
             if status == 0:
-                status = self._observe(observed, dt > 0)
+                status = self._observe(dt)
         if status:
             raise ArithmeticError('what was observed is too far from anything the model can represent')
 
@@ -860,7 +903,7 @@ cdef class ArrowFilter:
             ck = ck * c - dk * d
             dk = dk * c + last * d
 
-    cdef int _observe(self, const unsigned char[::1] observed, bint step) noexcept nogil:
+    cdef int _observe(self, double dt) noexcept nogil:
         cdef int i, j, k, d, m = self.common
         cdef double squares, logs, total
         cdef arrow* f = &self.f
@@ -870,10 +913,12 @@ cdef class ArrowFilter:
             f.w[1 + j] = self.c[2 + j]
         f.s[0], f.s[1], f.s[2] = 1, 1, 0
         self._weights(self.c[0], 1.0, f.s)
-        self.seen = 0
+        self.seen = self.rejected = 0
         for d in range(self.channels):
-            self.seen += observed[d] != 0
-        arrow_sense(f, step)
+            self.seen += self._used[d] != 0
+        arrow_sense(f, dt > 0)
+        if (f.worst > self.limit * self.limit or self.doubting) and self._doubt(dt):
+            arrow_sense(f, 0)
         if self.seen == 0:
             self.innovation, self.log_likelihood = NAN, 0
             return 0
@@ -908,6 +953,53 @@ cdef class ArrowFilter:
         arrow_settle(f)
         self._bound()
         return 0
+
+    cdef bint _doubt(self, double dt) noexcept nogil:
+        """Leave out of ``used`` what is not to be believed (see `believe`); returns whether anything changed."""
+        cdef int d, i, j, out = 0, n = self.states, m = self.common
+        cdef int g = n * m + n * (n + 1) // 2 + n, inverse = g + m + n, error = inverse + 1   # rows of a block
+        cdef double size, variance, limit = self.limit * self.limit
+        cdef bint changed = False
+        for d in range(self.channels):
+            size = self._cell(d, error)[0] * self._cell(d, error)[0]
+            if self._used[d] and size * self._cell(d, inverse)[0] > limit:
+                variance = 1 / self._cell(d, inverse)[0]
+                for i in range(m):
+                    for j in range(m):
+                        variance += self._cell(d, g + i)[0] * self.P[i, j] * self._cell(d, g + j)[0]
+                if size > limit * variance:
+                    self._used[d] = OUT
+                    out += 1
+        if out > self.few * self.seen and (out > 1 or self.seen < ALONE):
+            for d in range(self.channels):
+                self._used[d] = self._used[d] and not self.whole
+            if self.whole:
+                self.rejected, self.seen = self.seen, 0
+            return self.whole
+        self.doubting = False
+        for d in range(self.channels):
+            if self._used[d] == OUT:
+                size = self._cell(d, error)[0]
+                if self.doubt[d, 0] < 0 or (size - self.doubt[d, 1]) ** 2 * self._cell(d, inverse)[0] > limit:
+                    self.doubt[d, 0] = 0
+                elif self.f.y[d] != self.doubt[d, 2]:
+                    self.doubt[d, 0] += dt
+                self.doubt[d, 1], self.doubt[d, 2] = size, self.f.y[d]
+                self._used[d] = self.doubt[d, 0] >= BELIEVED_S
+                if self._used[d]:
+                    self._cell(d, n * m)[0] += size * size  # variance of its offset
+                else:
+                    self.rejected += 1
+                    self.seen -= 1
+                changed = True
+            if self._used[d]:
+                self.doubt[d, 0] = -1
+            elif self.doubt[d, 0] >= 0:
+                self.doubting = True
+        return changed
+
+    cdef double* _cell(self, int channel, int row) noexcept nogil:
+        return self._state(channel // LANES, row) + channel % LANES
 
     def predict(self, const double[::1] horizons, double[:, ::1] mean, double[:, ::1] std,
                 double[:, ::1] velocity, const double[::1] scale=None):

@@ -55,7 +55,8 @@ class FullPredictor:
                                             1e4 if 'prior' in without else behaviour.residual.style_scale))
             table = Table(table)
             self._pool.append([make_filter(behaviour, table, without) for _ in range(LIVE + 1)])
-        self._search = Search(behaviours, glances, self._pool, single='search' in without)
+        self._search = Search(behaviours, glances, self._pool, single='search' in without,
+                              rejects='rejection' not in without)
         self._certain = [{one.name: float(one.name == behaviour.name) for one in behaviours}
                          for behaviour in behaviours]
         self._slowest = [one.velocity[2] if one.velocity[2] > 0 else -1.0 for one in behaviours]
@@ -88,7 +89,6 @@ class FullPredictor:
         if dt > GAP_S:
             self._forget()
             dt = 0.0
-        self._bands.observe(gate.seen, dt)
         try:
             self._follow(dt)
             return self._estimate()
@@ -108,6 +108,9 @@ class FullPredictor:
             spent = 1
             if sampled:
                 leader.judge()
+            if leader.filter.rejected:
+                gate.observed[:] = leader.filter.used
+        self._bands.observe(gate.seen, dt)
         if self._searching:
             search.since += dt
             if sampled:
@@ -118,7 +121,8 @@ class FullPredictor:
                 self._monitor.reset()
         if not self._searching:
             leader = search.leader
-            out = self._monitor.add(leader.filter.innovation, dt)
+            # an observation that is not believed as a whole is a loss as well: if it was a glitch, the leader wins
+            out = self._monitor.add(leader.filter.innovation, dt) or leader.filter.rejected > leader.filter.seen == 0
             # as slow as its behaviour allows, a phase follows something else, whatever the innovations say
             self._slow_s = self._slow_s + dt if leader.filter.velocity <= self._slowest[leader.behaviour] else 0.0
             if (out or self._slow_s > self._monitor.window_s) and 'restart' not in self._without:

@@ -39,6 +39,14 @@ PATIENCE = 12
 SEARCH_S = 0.4
 #: Innovation a joint, averaged over what was seen, up to which a leader explains it; the variances promise one.
 EXPLAINS = 3.0
+#: Standard deviations beyond which a joint is not believed, and the share of them up to which it is the sensors and not
+#: the motion: while tracking, where an observation of which more is out is left out as a whole, and while searching.
+#: For the likelihood a joint that is left out is at the first limit; where every hypothesis is farther off than that
+#: on average, the search begins anew with this observation.
+LIMIT, FEW = 12.0, 0.15
+SEARCH_LIMIT, SEARCH_FEW = 40.0, 0.05
+#: Times in a row that a search may begin anew.
+ANEW = 2
 
 
 class Glance:
@@ -85,9 +93,10 @@ cdef class Track:
     cdef readonly object filter
     cdef public long next
     cdef public double time         # of the last update, s; NaN before the first
-    # fading sums over samples: 1, innovation a joint, joints seen, log det of the innovations' covariance
+    # fading sums over samples: 1, innovation a joint that is believed and of all, joints, log det of their covariance
     cdef readonly double weight, misfit
-    cdef double seen, logs, tail, prior
+    cdef double cost, seen, logs, tail, prior
+    cdef double last            # innovation a joint of the last sample, of all
     cdef readonly int count
 
     def __init__(self, int behaviour, one, long first, double tail, double prior=0.0):
@@ -97,7 +106,7 @@ cdef class Track:
 
     cpdef judge_anew(self):
         """Forget how well it did."""
-        self.weight, self.misfit, self.seen, self.logs, self.count = 0.0, 0.0, 0.0, 0.0, 0
+        self.weight, self.misfit, self.cost, self.seen, self.logs, self.count = 0.0, 0.0, 0.0, 0.0, 0.0, 0
 
     cpdef take(self, double time, y, observed):
         """Update with a sample."""
@@ -106,20 +115,27 @@ cdef class Track:
 
     cpdef judge(self):
         """Take the filter's last update into account."""
-        cdef double innovation = self.filter.innovation, seen = self.filter.seen
-        if not isnan(innovation):
-            self.logs = MEMORY * self.logs + <double>self.filter.log_determinant
-            if self.count == 0:
-                innovation = 1 + (self.tail + 1) * log1p((innovation - 1) / (self.tail + 1))
-            self.misfit = MEMORY * self.misfit + innovation
-            self.seen = MEMORY * self.seen + seen
-            self.weight = MEMORY * self.weight + 1.0
-            self.count += 1
+        cdef double innovation = self.filter.innovation, seen = self.filter.seen, rejected = self.filter.rejected
+        if seen + rejected == 0:
+            return
+        if seen == 0:
+            innovation = LIMIT * LIMIT
+        self.last = (innovation * seen + LIMIT * LIMIT * rejected) / (seen + rejected)
+        self.logs = MEMORY * self.logs + <double>self.filter.log_determinant
+        self.misfit = MEMORY * self.misfit + self._tailed(innovation)
+        self.cost = MEMORY * self.cost + self._tailed(self.last)
+        self.seen = MEMORY * self.seen + seen + rejected
+        self.weight = MEMORY * self.weight + 1.0
+        self.count += 1
+
+    cdef double _tailed(self, double innovation):
+        """The first innovation has heavy tails."""
+        return innovation if self.count else 1 + (self.tail + 1) * log1p((innovation - 1) / (self.tail + 1))
 
     cdef double _score(self):
         """Log likelihood a sample. Variances are those of a usual person: whoever is smoother has smaller ones."""
-        cdef double level = min((1 + self.misfit) / (1 + self.weight), 1.0)
-        return -0.5 * (self.seen * (log(level) + self.misfit / (level * self.weight)) + self.logs) / self.weight
+        cdef double level = min((1 + self.cost) / (1 + self.weight), 1.0)
+        return -0.5 * (self.seen * (log(level) + self.cost / (level * self.weight)) + self.logs) / self.weight
 
     cpdef double lead(self, Track other):
         """Nats by which it explains the last samples better than another."""
@@ -142,6 +158,8 @@ cdef class Search:
         Of each behaviour, ``LIVE + 1`` filters.
     single : bool
         Start from the best hypothesis alone (for ablation).
+    rejects : bool
+        Leave out joints that cannot be believed (False for ablation).
 
     Attributes
     ----------
@@ -157,11 +175,12 @@ cdef class Search:
     cdef readonly Track leader
     cdef public double since
     cdef list _pool, _free
-    cdef bint _single
+    cdef bint _single, _rejects
     cdef list _slices           # of each part of a glance: (behaviour, speed)
     cdef list _found            # its peaks of the last glance
     cdef double[::1] _stamps    # and when that was, s
     cdef int _turn              # behaviour to glance at next
+    cdef int _anew              # times in a row that the search began anew
     cdef list _slot             # of each behaviour: its first part
     cdef object _y, _observed, _times
     cdef list _y_rows, _observed_rows
@@ -175,9 +194,9 @@ cdef class Search:
     cdef double[::1] _width     # distance of the phases tried
     cdef list _rhythmic
 
-    def __init__(self, behaviours, glances, pool, bint single=False):
+    def __init__(self, behaviours, glances, pool, bint single=False, bint rejects=True):
         channels = len(behaviours[0].joint_names)
-        self.glances, self._pool, self._single = glances, pool, single
+        self.glances, self._pool, self._single, self._rejects = glances, pool, single, rejects
         self._slices = [(index, speed) for index, glance in enumerate(glances) for speed in glance.speeds]
         self._slot = [self._slices.index((index, glance.speeds[0])) for index, glance in enumerate(glances)]
         self._stamps = np.empty(len(self._slices))
@@ -199,7 +218,7 @@ cdef class Search:
         self._free = [list(filters) for filters in self._pool]
         self._filled = self._first = self._base = 0
         self._last = 0.0
-        self._turn = 0
+        self._turn = self._anew = 0
         self._clear()
 
     cdef _clear(self):
@@ -218,6 +237,7 @@ cdef class Search:
         self._clear()
         self.leader.judge_anew()
         self.leader.judge()
+        self._believe(self.leader.filter, False)
 
     def store(self, double time, y, seen):
         """Keep an observation if it is far enough from the last one and not empty; returns whether it was."""
@@ -328,6 +348,7 @@ cdef class Search:
             if self._runs(index, at, speed) or not self._free[index]:
                 continue
             one = self._free[index].pop()
+            self._believe(one, False)
             first = max(self._filled - REPLAY, self._first)
             glance, spread = self.glances[index], max(self._spread[index], 1e-3)
             one.start(at - speed * (now - self._time[first - self._base]), speed, glance.width ** 2,
@@ -366,6 +387,15 @@ cdef class Search:
         if not ready:
             return False
         leader = self.leader if self.leader in ready else ready[0]
+        if all([track.last > LIMIT * LIMIT for track in ready]):
+            if (len(ready) > 1 or leader.count > 2) and self._anew < ANEW:  # what came before is from elsewhere
+                self._anew += 1
+                self.leader, leader.next = leader, self._filled
+                self._drop_others()
+                self.again()
+                return False
+        else:
+            self._anew = 0
         for track in ready:
             if best is None or track.lead(best) > 0:
                 best = track
@@ -385,10 +415,20 @@ cdef class Search:
         over = leader.misfit / leader.weight < EXPLAINS and (
             self.since >= SEARCH_S or (leader.count >= 6 and clear and self.since >= 0.1))
         if over:
-            for track in list(self.tracks):
-                if track is not leader:
-                    self._drop(track)
+            self._drop_others()
+            self._believe(leader.filter, True)
         return over
+
+    cdef _believe(self, one, bint tracking):
+        if self._rejects and tracking:
+            one.believe(LIMIT, FEW, True)
+        elif self._rejects:
+            one.believe(SEARCH_LIMIT, SEARCH_FEW)
+
+    cdef _drop_others(self):
+        for track in list(self.tracks):
+            if track is not self.leader:
+                self._drop(track)
 
     cdef _drop(self, Track track):
         self.tracks.remove(track)
