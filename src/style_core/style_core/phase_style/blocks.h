@@ -66,6 +66,7 @@ typedef struct {
     int blocks, width, samples;
     const double *mean, *posture, *log_posture, *change;   /* inverse variances and log of the first */
     const double *y, *seen, *any, *over;
+    double most;             /* that a channel's posture or change may cost */
 } glance;
 
 #define NAME(x) x##_plain

@@ -55,6 +55,14 @@ static inline double NAME(log_product)(const v4 *x)
     return log((x[0][0] * x[0][1]) * (x[0][2] * x[0][3])) + log((x[1][0] * x[1][1]) * (x[1][2] * x[1][3]));
 }
 
+/* x where it is less than most, else that */
+static inline v4 NAME(least)(v4 x, double most)
+{
+    const v4 y = {most, most, most, most};
+    const l4 less = x < y;
+    return (v4)(((l4)x & less) | ((l4)y & ~less));
+}
+
 /* square roots, 0 of what is not positive */
 static inline v4 NAME(root)(v4 x)
 {
@@ -509,9 +517,9 @@ static double NAME(glance_score)(const glance *f, const int *node)
         }
         EACH {
             v4 average = first[k] * CROW(f->over, block)[k];
-            total[k] += average * average * CROW(f->posture + here, block)[k]
+            total[k] += NAME(least)(average * average * CROW(f->posture + here, block)[k], f->most)
                 + CROW(f->any, block)[k] * CROW(f->log_posture + here, block)[k]
-                + (second[k] - first[k] * average) * CROW(f->change, block)[k];
+                + NAME(least)((second[k] - first[k] * average) * CROW(f->change, block)[k], f->most);
         }
     }
     total[0] += total[1];

@@ -65,6 +65,7 @@ cdef extern from "blocks.h":
         const double *seen
         const double *any
         const double *over
+        double most
     void arrow_sense(arrow*, int) noexcept nogil
     void arrow_settle(arrow*) noexcept nogil
     void arrow_mean(const arrow*, const horizon*, double*, double*, double*) noexcept nogil
@@ -517,7 +518,7 @@ cdef class PaperFilter:
 
 
 #: A channel that contradicts the filter, but not itself, is believed after this long, s.
-cdef double BELIEVED_S = 0.2
+cdef double BELIEVED_S = 0.05
 #: Of fewer channels than this no single one can be told to be wrong.
 cdef int ALONE = 4
 
@@ -637,7 +638,7 @@ cdef class ArrowFilter:
         """What to believe from now on; everything, unless told.
 
         A channel whose innovation is more than ``limit`` of its standard deviations is left out of the update, for as long
-        as it contradicts what came before or does not change by a single bit; once it has agreed with itself for 0.2 s
+        as it contradicts what came before or does not change by a single bit; once it has agreed with itself for 0.05 s
         it is believed, and its offset sought anew. Where more than a share ``few`` of the channels is out, and not one
         alone, it is not a few sensors that fail: then the observation is left out as a whole, or used as it is.
 
@@ -646,6 +647,8 @@ cdef class ArrowFilter:
         limit : float
         few : float
         whole : bool
+            Leave out whole observations. Without it only a first observation can bring a channel into doubt: which of
+            two that contradict each other is right cannot be told before the filter is known to be.
         """
         self.limit, self.few, self.whole = limit, few, whole
 
@@ -962,7 +965,8 @@ cdef class ArrowFilter:
         cdef bint changed = False
         for d in range(self.channels):
             size = self._cell(d, error)[0] * self._cell(d, error)[0]
-            if self._used[d] and size * self._cell(d, inverse)[0] > limit:
+            if (self._used[d] and (self.whole or dt == 0 or self.doubt[d, 0] >= 0)
+                    and size * self._cell(d, inverse)[0] > limit):
                 variance = 1 / self._cell(d, inverse)[0]
                 for i in range(m):
                     for j in range(m):
@@ -1133,6 +1137,8 @@ cdef class PhaseRanking:
     change : ndarray, shape (D,)
         Variance of the rest.
     rhythmic : bool
+    limit : float
+        Of the deviations, in standard deviations: farther off counts as this far.
     """
 
     cdef int nodes, channels
@@ -1140,8 +1146,9 @@ cdef class PhaseRanking:
     cdef glance f
     cdef double[::1] tables, samples, log_change, scores
 
-    def __init__(self, mean, posture, change, bint rhythmic):
+    def __init__(self, mean, posture, change, bint rhythmic, double limit=INFINITY):
         cdef Py_ssize_t size, width
+        self.f.most = limit * limit
         self.nodes, self.channels, self.rhythmic = mean.shape[0] - 1, mean.shape[1], rhythmic
         self.f.blocks = (self.channels + LANES - 1) // LANES
         self.f.width = width = self.f.blocks * LANES

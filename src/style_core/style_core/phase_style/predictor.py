@@ -50,7 +50,7 @@ class FullPredictor:
         glances = []
         for behaviour in behaviours:
             table = filter_table(behaviour, without)
-            glances.append(Glance(behaviour, table))
+            glances.append(Glance(behaviour, table, **({'limit': math.inf} if 'rejection' in without else {})))
             self._priors.append(style_prior(behaviour.styles, behaviour.groups,
                                             1e4 if 'prior' in without else behaviour.residual.style_scale))
             table = Table(table)

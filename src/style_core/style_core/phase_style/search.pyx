@@ -39,12 +39,11 @@ PATIENCE = 12
 SEARCH_S = 0.4
 #: Innovation a joint, averaged over what was seen, up to which a leader explains it; the variances promise one.
 EXPLAINS = 3.0
-#: Standard deviations beyond which a joint is not believed, and the share of them up to which it is the sensors and not
-#: the motion: while tracking, where an observation of which more is out is left out as a whole, and while searching.
-#: For the likelihood a joint that is left out is at the first limit; where every hypothesis is farther off than that
-#: on average, the search begins anew with this observation.
-LIMIT, FEW = 12.0, 0.15
-SEARCH_LIMIT, SEARCH_FEW = 40.0, 0.05
+#: Standard deviations beyond which a joint is not believed, and the share of the joints up to which it is the sensors
+#: and not the motion, while tracking (an observation of which more is out is left out as a whole) and while searching.
+#: For the likelihood a joint that is left out is at the limit; where every hypothesis is farther off than that on
+#: average, the search begins anew with this observation.
+LIMIT, FEW, SEARCH_FEW = 12.0, 0.15, 0.05
 #: Times in a row that a search may begin anew.
 ANEW = 2
 
@@ -52,12 +51,12 @@ ANEW = 2
 class Glance:
     """Quick ranking of phases of one behaviour: its mean motion with two variances (see `PhaseRanking`)."""
 
-    def __init__(self, behaviour, table):
+    def __init__(self, behaviour, table, limit=LIMIT):
         residual = behaviour.residual
         self.behaviour = behaviour
         posture = np.sum(table.values[:, 1:] ** 2, axis=1) + residual.offset + residual.fast + residual.personal
         change = residual.fast + residual.noise + 0.5 * residual.personal
-        self._ranking = PhaseRanking(table.values[:, 0], posture, change, behaviour.rhythmic)
+        self._ranking = PhaseRanking(table.values[:, 0], posture, change, behaviour.rhythmic, limit)
         mean, spread, low, high = behaviour.velocity
         if high <= 0:
             self.phases, self.speeds, self.width = np.zeros(1), [0.0], 0.1
@@ -423,7 +422,7 @@ cdef class Search:
         if self._rejects and tracking:
             one.believe(LIMIT, FEW, True)
         elif self._rejects:
-            one.believe(SEARCH_LIMIT, SEARCH_FEW)
+            one.believe(LIMIT, SEARCH_FEW)
 
     cdef _drop_others(self):
         for track in list(self.tracks):
