@@ -47,16 +47,16 @@ class FullPredictor:
         behaviours = [gait for behaviour in behaviours for gait in gaits_of(behaviour)]
         self._behaviours = behaviours
         self._pool, self._priors = [], []
+        rejects = 'rejection' not in without
         glances = []
         for behaviour in behaviours:
             table = filter_table(behaviour, without)
-            glances.append(Glance(behaviour, table, **({'limit': math.inf} if 'rejection' in without else {})))
+            glances.append(Glance(behaviour, table, rejects))
             self._priors.append(style_prior(behaviour.styles, behaviour.groups,
                                             1e4 if 'prior' in without else behaviour.residual.style_scale))
             table = Table(table)
             self._pool.append([make_filter(behaviour, table, without) for _ in range(LIVE + 1)])
-        self._search = Search(behaviours, glances, self._pool, single='search' in without,
-                              rejects='rejection' not in without)
+        self._search = Search(behaviours, glances, self._pool, single='search' in without, rejects=rejects)
         self._certain = [{one.name: float(one.name == behaviour.name) for one in behaviours}
                          for behaviour in behaviours]
         self._slowest = [one.velocity[2] if one.velocity[2] > 0 else -1.0 for one in behaviours]

@@ -40,10 +40,10 @@ SEARCH_S = 0.4
 #: Innovation a joint, averaged over what was seen, up to which a leader explains it; the variances promise one.
 EXPLAINS = 3.0
 #: Standard deviations beyond which a joint is not believed, and the share of the joints up to which it is the sensors
-#: and not the motion, while tracking (an observation of which more is out is left out as a whole) and while searching.
+#: that are wrong. Where more are out it is the motion; while tracking the observation is left out then, and a loss.
 #: For the likelihood a joint that is left out is at the limit; where every hypothesis is farther off than that on
 #: average, the search begins anew with this observation.
-LIMIT, FEW, SEARCH_FEW = 12.0, 0.15, 0.05
+LIMIT, FEW = 12.0, 0.15
 #: Times in a row that a search may begin anew.
 ANEW = 2
 
@@ -51,12 +51,13 @@ ANEW = 2
 class Glance:
     """Quick ranking of phases of one behaviour: its mean motion with two variances (see `PhaseRanking`)."""
 
-    def __init__(self, behaviour, table, limit=LIMIT):
+    def __init__(self, behaviour, table, bint rejects=True):
         residual = behaviour.residual
         self.behaviour = behaviour
         posture = np.sum(table.values[:, 1:] ** 2, axis=1) + residual.offset + residual.fast + residual.personal
         change = residual.fast + residual.noise + 0.5 * residual.personal
-        self._ranking = PhaseRanking(table.values[:, 0], posture, change, behaviour.rhythmic, limit)
+        self._ranking = PhaseRanking(table.values[:, 0], posture, change, behaviour.rhythmic,
+                                     LIMIT if rejects else INFINITY)
         mean, spread, low, high = behaviour.velocity
         if high <= 0:
             self.phases, self.speeds, self.width = np.zeros(1), [0.0], 0.1
@@ -236,7 +237,8 @@ cdef class Search:
         self._clear()
         self.leader.judge_anew()
         self.leader.judge()
-        self._believe(self.leader.filter, False)
+        if self._rejects:
+            self.leader.filter.believe(LIMIT, FEW)
 
     def store(self, double time, y, seen):
         """Keep an observation if it is far enough from the last one and not empty; returns whether it was."""
@@ -347,7 +349,8 @@ cdef class Search:
             if self._runs(index, at, speed) or not self._free[index]:
                 continue
             one = self._free[index].pop()
-            self._believe(one, False)
+            if self._rejects:
+                one.believe(LIMIT, FEW)
             first = max(self._filled - REPLAY, self._first)
             glance, spread = self.glances[index], max(self._spread[index], 1e-3)
             one.start(at - speed * (now - self._time[first - self._base]), speed, glance.width ** 2,
@@ -415,14 +418,9 @@ cdef class Search:
             self.since >= SEARCH_S or (leader.count >= 6 and clear and self.since >= 0.1))
         if over:
             self._drop_others()
-            self._believe(leader.filter, True)
+            if self._rejects:
+                leader.filter.believe(LIMIT, FEW, whole=True)
         return over
-
-    cdef _believe(self, one, bint tracking):
-        if self._rejects and tracking:
-            one.believe(LIMIT, FEW, True)
-        elif self._rejects:
-            one.believe(LIMIT, SEARCH_FEW)
 
     cdef _drop_others(self):
         for track in list(self.tracks):
