@@ -33,6 +33,8 @@ PLAYER = {
     'drop': ('[]', "patterns of joints whose sensors go dark, e.g. ['left_*']"),
     'drop_from': ('0.0', 'when they go dark, s after the start'),
     'drop_until': ('0.0', 'when they come back, s after the start; 0 for never'),
+    'drop_as_zero': ('false', 'they read 0 in place of nothing, as encoders without a signal do'),
+    'glitch': ('0.0', 'probability that one joint of a sample is far off, 0 to 0.99'),
     'noise_std': ('0.0', 'standard deviation of white noise on every joint, rad'),
     'jitter': ('0.0', 'share of the sample interval by which samples come late at random, 0 to 0.99'),
     'lose': ('0.0', 'probability that a sample is lost, 0 to 0.99'),

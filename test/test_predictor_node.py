@@ -163,6 +163,27 @@ class TestPredictor(unittest.TestCase):
         self.assertIn('timed out', ' '.join(self.diagnostics()[2]))
         self.play(5)
 
+    def test_03b_a_sensor_that_lies(self):
+        self.play(60)
+        self.clear()
+        wrong = self.names.index('rtibia.rx')
+
+        def lie(names, positions, stamp):
+            positions = positions.copy()
+            positions[wrong] = 5.0
+            return names, positions, stamp
+        self.play(30, lie)
+        for estimate in self.heard('estimate'):
+            self.assertEqual(estimate.status, StyleEstimate.TRACKING)
+            self.assertEqual(list(np.flatnonzero(~np.array(estimate.observed))), [wrong])
+        self.assertLess(np.degrees(abs(self.heard('filled')[-1].position[wrong] - self.last[wrong])), 25.0)
+        facts = self.diagnostics()[2]
+        self.assertEqual(facts['joints not believed'], 'rtibia.rx')
+        self.assertGreaterEqual(int(facts['rejected: values not believed']), 30)
+        self.clear()
+        self.play(10)
+        self.assertTrue(all(self.heard('estimate')[-1].observed))
+
     def test_04_nan_and_nonsense_never_come_out(self):
         self.clear()
 
