@@ -47,7 +47,7 @@ def unseen_goals(add, folder):
             ):
                 add(
                     f'Unseen, {weight}, {method}: below {name}',
-                    f'{ours:.1f} / {other:.1f} = {ours / other:.2f}',
+                    f'{ours:.1f} / {other:.1f} = {ours / other:.3f}',
                     ours < bound * other,
                 )
     shares = row(table(folder, '4_unseen', 'shares'), 'ours')

@@ -47,7 +47,7 @@ class FullPredictor:
         behaviours = [gait for behaviour in behaviours for gait in gaits_of(behaviour)]
         self._behaviours = behaviours
         self._pool, self._priors = [], []
-        rejects = 'rejection' not in without
+        rejects = not {'rejection', 'restart'} & set(without)  # what is not believed may be a loss
         glances = []
         for behaviour in behaviours:
             table = filter_table(behaviour, without)
