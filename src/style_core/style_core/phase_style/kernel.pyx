@@ -566,7 +566,7 @@ cdef class ArrowFilter:
     cdef readonly int seen, rejected    # joints that entered the last update, and those that were not believed
     cdef readonly object used
     cdef unsigned char[::1] _used
-    cdef double limit, few              # what is believed
+    cdef double limit, few, rest        # what is believed
     cdef bint whole
     cdef double[:, ::1] doubt   # of each channel: how long it has not been believed, s (-1: it is), last error and value
     cdef bint doubting          # some are not believed
@@ -587,7 +587,7 @@ cdef class ArrowFilter:
     def __init__(self, Table table, offset, fast, personal, noise, rates, double acceleration, bounds):
         cdef int n, m
         self.used = np.zeros(table.channels, dtype=np.uint8)
-        self._used, self.doubt = self.used, np.empty((table.channels, 3))
+        self._used, self.doubt = self.used, np.empty((table.channels, 4))
         personal = np.ascontiguousarray(personal, dtype=float).reshape(-1, table.channels)
         self.table = table
         self.styles = table.count - 1
@@ -634,23 +634,26 @@ cdef class ArrowFilter:
     cdef double* _state(self, int block, int row) noexcept nogil:
         return self.f.states + (<long>block * self.f.rows + row) * LANES
 
-    def believe(self, double limit=INFINITY, double few=0.0, bint whole=False):
+    def believe(self, double limit=INFINITY, double few=0.0, double rest=INFINITY, bint whole=False):
         """What to believe from now on; everything, unless told.
 
-        A channel whose innovation is more than ``limit`` of its standard deviations is left out of the update, for as long
-        as it contradicts what came before or does not change by a single bit; once it has agreed with itself for 0.05 s
-        it is believed, and its offset sought anew. Where more than a share ``few`` of the channels is out, and not one
-        alone, it is not a few sensors that fail: then the observation is left out as a whole, or used as it is.
+        A channel whose innovation is more than ``limit`` of its standard deviations is left out of the update if the
+        others are not surprised, for as long as it contradicts what came before or does not change by a single bit; once
+        it has agreed with itself for 0.05 s it is believed, and its offset sought anew. Where more than a share ``few``
+        of the channels is out, and not one alone, it is not a few sensors that fail: then the observation is left out as
+        a whole, or used as it is.
 
         Parameters
         ----------
         limit : float
         few : float
+        rest : float
+            Innovation a channel up to which the others are not surprised.
         whole : bool
             Leave out whole observations. Without it only a first observation can bring a channel into doubt: which of
             two that contradict each other is right cannot be told before the filter is known to be.
         """
-        self.limit, self.few, self.whole = limit, few, whole
+        self.limit, self.few, self.rest, self.whole = limit, few, rest, whole
 
     def start(self, double phase, double velocity, double phase_variance, double velocity_variance):
         """Begin anew: style and residual states at their priors, a covariance of any correlation forgotten."""
@@ -808,14 +811,13 @@ cdef class ArrowFilter:
             self.fresh = True
         self.rooted = False
         self.f.thin = NOISE_STEP_S / dt if 0 < dt < NOISE_STEP_S else 1.0
-        memcpy(&self._used[0], &observed[0], self.channels)
         self.f.y, self.f.observed = &y[0], &self._used[0]
         with nogil:
             status = 0
             if dt > 0:
                 status = self._advance(dt)
             if status == 0:
-                status = self._observe(dt)
+                status = self._observe(observed, dt)
         if status:
             raise ArithmeticError('what was observed is too far from anything the model can represent')
 
@@ -906,9 +908,9 @@ cdef class ArrowFilter:
             ck = ck * c - dk * d
             dk = dk * c + last * d
 
-    cdef int _observe(self, double dt) noexcept nogil:
-        cdef int i, j, k, d, m = self.common
-        cdef double squares, logs, total
+    cdef int _observe(self, const unsigned char[::1] observed, double dt) noexcept nogil:
+        cdef int i, j, k, d, status, m = self.common
+        cdef double squares = 0, logs, total
         cdef arrow* f = &self.f
         self.table.look_up(self.c[0], &f.at)
         f.w[0] = 1
@@ -916,45 +918,71 @@ cdef class ArrowFilter:
             f.w[1 + j] = self.c[2 + j]
         f.s[0], f.s[1], f.s[2] = 1, 1, 0
         self._weights(self.c[0], 1.0, f.s)
-        self.seen = self.rejected = 0
-        for d in range(self.channels):
-            self.seen += self._used[d] != 0
+        self._count(observed)
         arrow_sense(f, dt > 0)
         if (f.worst > self.limit * self.limit or self.doubting) and self._doubt(dt):
             arrow_sense(f, 0)
+        status = self._solve(&squares)
+        if status == 0 and self.rejected and squares > self.rest * self.seen:
+            # the others are surprised as well: it is the motion, and those doubted just now have a say
+            for d in range(self.channels):
+                if observed[d] and not self._used[d] and self.doubt[d, 3]:
+                    self._used[d] = 1
+                    self.doubt[d, 0] = -1
+                    self.rejected -= 1
+                    self.seen += 1
+            arrow_sense(f, 0)
+            status = self._solve(&squares)
         if self.seen == 0:
             self.innovation, self.log_likelihood = NAN, 0
             return 0
-        squares, logs = total_of(&self.sums[4 * (m * (m + 1) // 2 + m)]), f.logs
-        if not squares < 1e200:
+        if status:
             return 1
-        # common state in information form; log det of P^-1 before and after gives that of the innovation's covariance
+        # log det of P^-1 before and after gives that of the innovation's covariance
         k = 0
         for i in range(m):
             for j in range(i + 1):
-                self.matrix[i, j] = self.precision[i, j] + total_of(&self.sums[4 * k])
-                self.precision[i, j] = self.matrix[i, j]
-                self.precision[j, i] = self.matrix[i, j]
+                self.precision[i, j] += total_of(&self.sums[4 * k])
+                self.precision[j, i] = self.precision[i, j]
                 k += 1
-        for i in range(m):
-            self.work[i] = total_of(&self.sums[4 * (k + i)])
-            f.delta[i] = self.work[i]
-        if cholesky(&self.matrix[0, 0], m):
-            return 1
         total = -cholesky_inverse(&self.matrix[0, 0], &self.P[0, 0], m)
-        logs += total - self.log_precision
+        logs = f.logs + total - self.log_precision
         self.log_precision = total
-        cholesky_solve(&self.matrix[0, 0], f.delta, m)
-        total = 0
-        for i in range(m):
-            total += f.delta[i] * self.work[i]
-        squares -= total
         self.innovation, self.log_determinant = squares / self.seen, logs
         self.log_likelihood = -0.5 * (squares + logs + self.seen * LOG_TWO_PI)
         for i in range(m):
             self.c[i] += f.delta[i]
         arrow_settle(f)
         self._bound()
+        return 0
+
+    cdef void _count(self, const unsigned char[::1] observed) noexcept nogil:
+        """Believe what was observed."""
+        cdef int d
+        memcpy(&self._used[0], &observed[0], self.channels)
+        self.seen = self.rejected = 0
+        for d in range(self.channels):
+            self.seen += self._used[d] != 0
+
+    cdef int _solve(self, double* squares) noexcept nogil:
+        """Change of the common state in information form, its precision's root in ``matrix``, and the innovation."""
+        cdef int i, j, k = 0, m = self.common
+        cdef arrow* f = &self.f
+        squares[0] = total_of(&self.sums[4 * (m * (m + 1) // 2 + m)])
+        if not squares[0] < 1e200:
+            return 1
+        for i in range(m):
+            for j in range(i + 1):
+                self.matrix[i, j] = self.precision[i, j] + total_of(&self.sums[4 * k])
+                k += 1
+        for i in range(m):
+            self.work[i] = total_of(&self.sums[4 * (k + i)])
+            f.delta[i] = self.work[i]
+        if cholesky(&self.matrix[0, 0], m):
+            return 1
+        cholesky_solve(&self.matrix[0, 0], f.delta, m)
+        for i in range(m):
+            squares[0] -= f.delta[i] * self.work[i]
         return 0
 
     cdef bint _doubt(self, double dt) noexcept nogil:
@@ -984,6 +1012,7 @@ cdef class ArrowFilter:
         for d in range(self.channels):
             if self._used[d] == OUT:
                 size = self._cell(d, error)[0]
+                self.doubt[d, 3] = self.doubt[d, 0] < 0
                 if self.doubt[d, 0] < 0 or (size - self.doubt[d, 1]) ** 2 * self._cell(d, inverse)[0] > limit:
                     self.doubt[d, 0] = 0
                 elif self.f.y[d] != self.doubt[d, 2]:

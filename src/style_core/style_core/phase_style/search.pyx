@@ -238,7 +238,7 @@ cdef class Search:
         self.leader.judge_anew()
         self.leader.judge()
         if self._rejects:
-            self.leader.filter.believe(LIMIT, FEW)
+            self.leader.filter.believe(LIMIT, FEW, EXPLAINS)
 
     def store(self, double time, y, seen):
         """Keep an observation if it is far enough from the last one and not empty; returns whether it was."""
@@ -350,7 +350,7 @@ cdef class Search:
                 continue
             one = self._free[index].pop()
             if self._rejects:
-                one.believe(LIMIT, FEW)
+                one.believe(LIMIT, FEW, EXPLAINS)
             first = max(self._filled - REPLAY, self._first)
             glance, spread = self.glances[index], max(self._spread[index], 1e-3)
             one.start(at - speed * (now - self._time[first - self._base]), speed, glance.width ** 2,
@@ -419,7 +419,7 @@ cdef class Search:
         if over:
             self._drop_others()
             if self._rejects:
-                leader.filter.believe(LIMIT, FEW, whole=True)
+                leader.filter.believe(LIMIT, FEW, EXPLAINS, whole=True)
         return over
 
     cdef _drop_others(self):
