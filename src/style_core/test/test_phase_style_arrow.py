@@ -237,7 +237,7 @@ def test_prediction_is_the_dense_one(harmonics):
         np.testing.assert_allclose(std[h] ** 2, spread, rtol=1e-7)
 
 
-def followed(one, two, seconds=1.0, wrong=None, believe=(12.0, 0.25, True), rate=60):
+def followed(one, two, seconds=1.0, wrong=None, believe=(12.0, 0.25, 3.0, True), rate=60):
     """Two filters over the same motion, the second undisturbed: how the first was disturbed by ``wrong(k, y)``."""
     rng = np.random.default_rng(1)
     one.believe(*believe)
@@ -333,7 +333,7 @@ def test_where_many_channels_are_out_it_is_the_motion(whole):
     def zero(k, y):
         return y + 5.0 if k == 59 else y
 
-    followed(one, two, seconds=1.0, wrong=zero, believe=(12.0, 0.25, whole))
+    followed(one, two, seconds=1.0, wrong=zero, believe=(12.0, 0.25, 3.0, whole))
     assert (one.rejected, one.seen) == ((8, 0) if whole else (0, 8))
     assert np.isnan(one.innovation) == whole
     if whole:  # time has passed, and that is all
@@ -344,5 +344,32 @@ def test_where_many_channels_are_out_it_is_the_motion(whole):
 
 def test_of_three_channels_none_is_told_to_be_wrong_alone():
     one, two = pair(channels=3)
-    followed(one, two, wrong=lambda k, y: y + np.array([5.0, 0, 0]) * (k == 59), believe=(12.0, 0.25, False))
+    followed(one, two, wrong=lambda k, y: y + np.array([5.0, 0, 0]) * (k == 59), believe=(12.0, 0.25, 3.0, False))
     assert one.rejected == 0 and one.seen == 3
+
+
+def test_where_the_others_are_surprised_too_it_is_the_motion():
+    one, two = pair()
+
+    def leap(k, y):
+        y += 0.25 * (k == 59)                  # all by a few standard deviations, one of them by many
+        y[5] += 4.0 * (k == 59)
+        return y
+
+    followed(one, two, wrong=leap)
+    assert one.rejected == 0 and one.seen == 8
+
+
+def test_what_fails_beside_a_channel_that_is_far_off_goes_with_it():
+    one, two = pair(12)
+
+    def limb(k, y):
+        y[5] += 8.0 * (k == 59)
+        y[6] += 1.0 * (k == 59)                # less than the limit alone
+        return y
+
+    followed(one, two, wrong=limb)
+    np.testing.assert_array_equal(np.flatnonzero(one.used == 0), [5, 6])
+    one, two = pair(12)
+    followed(one, two, wrong=lambda k, y: y + 1.0 * (k == 59) * (np.arange(12) == 6))
+    assert one.rejected == 0

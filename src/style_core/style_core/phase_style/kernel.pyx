@@ -88,7 +88,6 @@ cdef double TWO_PI = 6.283185307179586
 cdef double NOISE_STEP_S = 1 / 60.0 - 1e-6
 #: Standard deviations are evaluated at so many of the horizons, evenly chosen with both ends, and interpolated.
 cdef int KNOTS = 9
-cdef unsigned char OUT = 2
 cdef double LOG_TWO_PI = 1.8378770664093453
 
 
@@ -519,8 +518,12 @@ cdef class PaperFilter:
 
 #: A channel that contradicts the filter, but not itself, is believed after this long, s.
 cdef double BELIEVED_S = 0.05
+#: Beside a channel beyond the limit, others are not believed from this share of it on: a limb fails as a whole.
+cdef double SUSPECT = 5 / 12.0
 #: Of fewer channels than this no single one can be told to be wrong.
 cdef int ALONE = 4
+#: In `ArrowFilter.used`, while it is decided what is believed.
+cdef unsigned char MARKED = 2
 
 
 cdef class ArrowFilter:
@@ -568,7 +571,9 @@ cdef class ArrowFilter:
     cdef unsigned char[::1] _used
     cdef double limit, few, rest        # what is believed
     cdef bint whole
-    cdef double[:, ::1] doubt   # of each channel: how long it has not been believed, s (-1: it is), last error and value
+    # of each channel: how long it has agreed with itself without being believed, s (-1: it is believed), last error
+    # and value, whether the doubt is new
+    cdef double[:, ::1] doubt
     cdef bint doubting          # some are not believed
     cdef readonly int styles, states, channels, common, harmonics
     cdef double offset_rate, fast_rate, personal_rate, style_rate, acceleration, lowest, highest
@@ -637,11 +642,11 @@ cdef class ArrowFilter:
     def believe(self, double limit=INFINITY, double few=0.0, double rest=INFINITY, bint whole=False):
         """What to believe from now on; everything, unless told.
 
-        A channel whose innovation is more than ``limit`` of its standard deviations is left out of the update if the
-        others are not surprised, for as long as it contradicts what came before or does not change by a single bit; once
-        it has agreed with itself for 0.05 s it is believed, and its offset sought anew. Where more than a share ``few``
-        of the channels is out, and not one alone, it is not a few sensors that fail: then the observation is left out as
-        a whole, or used as it is.
+        A channel whose innovation is more than ``limit`` of its standard deviations, and any beside it that is more than
+        5/12 of it off, is left out of the update if the others are not surprised, for as long as it contradicts what
+        came before or does not change by a single bit; once it has agreed with itself for 0.05 s it is believed, and its
+        offset sought anew. Where more than a share ``few`` of the channels is out, and not one alone, it is not a few
+        sensors that fail: then the observation is left out as a whole, or used as it is.
 
         Parameters
         ----------
@@ -985,23 +990,33 @@ cdef class ArrowFilter:
             squares[0] -= f.delta[i] * self.work[i]
         return 0
 
-    cdef bint _doubt(self, double dt) noexcept nogil:
-        """Leave out of ``used`` what is not to be believed (see `believe`); returns whether anything changed."""
-        cdef int d, i, j, out = 0, n = self.states, m = self.common
+    cdef int _mark(self, double squares, bint first) noexcept nogil:
+        """Mark channels in ``used`` whose error has more than so many squared standard deviations; returns how many."""
+        cdef int d, i, j, found = 0, n = self.states, m = self.common
         cdef int g = n * m + n * (n + 1) // 2 + n, inverse = g + m + n, error = inverse + 1   # rows of a block
-        cdef double size, variance, limit = self.limit * self.limit
-        cdef bint changed = False
+        cdef double size, variance
         for d in range(self.channels):
             size = self._cell(d, error)[0] * self._cell(d, error)[0]
-            if (self._used[d] and (self.whole or dt == 0 or self.doubt[d, 0] >= 0)
-                    and size * self._cell(d, inverse)[0] > limit):
+            if (self._used[d] == 1 and (self.whole or first or self.doubt[d, 0] >= 0)
+                    and size * self._cell(d, inverse)[0] > squares):
                 variance = 1 / self._cell(d, inverse)[0]
                 for i in range(m):
                     for j in range(m):
                         variance += self._cell(d, g + i)[0] * self.P[i, j] * self._cell(d, g + j)[0]
-                if size > limit * variance:
-                    self._used[d] = OUT
-                    out += 1
+                if size > squares * variance:
+                    self._used[d] = MARKED
+                    found += 1
+        return found
+
+    cdef bint _doubt(self, double dt) noexcept nogil:
+        """Leave out of ``used`` what is not to be believed (see `believe`); returns whether anything changed."""
+        cdef int d, out, n = self.states, m = self.common
+        cdef int inverse = n * m + n * (n + 1) // 2 + n + m + n, error = inverse + 1
+        cdef double apart, limit = self.limit * self.limit
+        cdef bint changed = False
+        out = self._mark(limit, dt == 0)
+        if out:
+            out += self._mark(SUSPECT * SUSPECT * limit, dt == 0)
         if out > self.few * self.seen and (out > 1 or self.seen < ALONE):
             for d in range(self.channels):
                 self._used[d] = self._used[d] and not self.whole
@@ -1010,17 +1025,17 @@ cdef class ArrowFilter:
             return self.whole
         self.doubting = False
         for d in range(self.channels):
-            if self._used[d] == OUT:
-                size = self._cell(d, error)[0]
+            if self._used[d] == MARKED:
+                apart = self._cell(d, error)[0] - self.doubt[d, 1]
                 self.doubt[d, 3] = self.doubt[d, 0] < 0
-                if self.doubt[d, 0] < 0 or (size - self.doubt[d, 1]) ** 2 * self._cell(d, inverse)[0] > limit:
+                if self.doubt[d, 3] or apart * apart * self._cell(d, inverse)[0] > limit:
                     self.doubt[d, 0] = 0
                 elif self.f.y[d] != self.doubt[d, 2]:
                     self.doubt[d, 0] += dt
-                self.doubt[d, 1], self.doubt[d, 2] = size, self.f.y[d]
+                self.doubt[d, 1], self.doubt[d, 2] = self._cell(d, error)[0], self.f.y[d]
                 self._used[d] = self.doubt[d, 0] >= BELIEVED_S
                 if self._used[d]:
-                    self._cell(d, n * m)[0] += size * size  # variance of its offset
+                    self._cell(d, n * m)[0] += self.doubt[d, 1] * self.doubt[d, 1]  # variance of its offset
                 else:
                     self.rejected += 1
                     self.seen -= 1
