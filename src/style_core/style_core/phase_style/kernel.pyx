@@ -519,7 +519,7 @@ cdef class PaperFilter:
 #: A channel that contradicts the filter, but not itself, is believed after this long, s.
 cdef double BELIEVED_S = 0.05
 #: Beside a channel beyond the limit, others are not believed from this share of it on: a limb fails as a whole.
-cdef double SUSPECT = 5 / 12.0
+cdef double SUSPECT = 0.25
 #: Of fewer channels than this no single one can be told to be wrong.
 cdef int ALONE = 4
 #: In `ArrowFilter.used`, while it is decided what is believed.
@@ -643,7 +643,7 @@ cdef class ArrowFilter:
         """What to believe from now on; everything, unless told.
 
         A channel whose innovation is more than ``limit`` of its standard deviations, and any beside it that is more than
-        5/12 of it off, is left out of the update if the others are not surprised, for as long as it contradicts what
+        a quarter of it off, is left out of the update if the others are not surprised, for as long as it contradicts what
         came before or does not change by a single bit; once it has agreed with itself for 0.05 s it is believed, and its
         offset sought anew. Where more than a share ``few`` of the channels is out, and not one alone, it is not a few
         sensors that fail: then the observation is left out as a whole, or used as it is.

@@ -41,9 +41,10 @@ SEARCH_S = 0.4
 EXPLAINS = 3.0
 #: Standard deviations beyond which a joint is not believed, and the share of the joints up to which it is the sensors
 #: that are wrong. Where more are out it is the motion; while tracking the observation is left out then, and a loss.
-#: For the likelihood a joint that is left out is at the limit; where every hypothesis is farther off than that on
-#: average, the search begins anew with this observation.
-LIMIT, FEW = 12.0, 0.15
+#: For the likelihood a joint that is left out is at the limit.
+LIMIT, FEW = 20.0, 0.15
+#: Where every hypothesis is farther off than so many standard deviations on average, the search begins anew.
+ELSEWHERE = 12.0
 #: Times in a row that a search may begin anew.
 ANEW = 2
 
@@ -389,7 +390,7 @@ cdef class Search:
         if not ready:
             return False
         leader = self.leader if self.leader in ready else ready[0]
-        if all([track.last > LIMIT * LIMIT for track in ready]):
+        if all([track.last > ELSEWHERE * ELSEWHERE for track in ready]):
             if (len(ready) > 1 or leader.count > 2) and self._anew < ANEW:  # what came before is from elsewhere
                 self._anew += 1
                 self.leader, leader.next = leader, self._filled
