@@ -19,6 +19,8 @@ typedef cell c4 __attribute__((vector_size(4 * sizeof(cell)), may_alias));
 typedef double v4 __attribute__((vector_size(32), may_alias));
 typedef long long l4 __attribute__((vector_size(32), may_alias));
 typedef double v4u __attribute__((vector_size(32), aligned(8), may_alias));
+typedef float f8 __attribute__((vector_size(32), may_alias));
+typedef int i8 __attribute__((vector_size(32), may_alias));
 
 /* The cubics between two nodes of a table, each a row of blocks of (value, slope) of every basis; weights of the value
    in h[0..3] and of its derivative by phase in h[4..7]: value and slope here, value and slope at the next node. */
@@ -61,12 +63,12 @@ typedef struct {
 } paper;
 
 /* Mean motion with variances (nodes + 1, width); the last samples by sample, y and whether seen (samples, width), and
-   how many of them a channel has (count, its inverse or 0). */
+   how many of them a channel has (count, its inverse or 0). It only ranks, so all of it is in single precision. */
 typedef struct {
     int blocks, width, samples;
-    const double *mean, *posture, *log_posture, *change;   /* inverse variances and log of the first */
-    const double *y, *seen, *any, *over;
-    double most;             /* that a channel's posture or change may cost */
+    const float *mean, *posture, *log_posture, *change;   /* inverse variances and log of the first */
+    const float *y, *seen, *any, *over;
+    float most;              /* that a channel's posture or change may cost */
 } glance;
 
 #define NAME(x) x##_plain

@@ -500,30 +500,33 @@ static void NAME(paper_ahead)(const paper *f, const cubic *at, double extra, dou
 }
 
 /* Minus twice the log likelihood of the last samples at the given nodes, but for a constant. */
+static inline f8 NAME(least_single)(f8 x, float most)
+{
+    const f8 y = {most, most, most, most, most, most, most, most};
+    const i8 less = x < y;
+    return (f8)(((i8)x & less) | ((i8)y & ~less));
+}
+
 static double NAME(glance_score)(const glance *f, const int *node)
 {
-    const long here = (long)node[f->samples - 1] * f->width;
-    v4 total[2] = {};
+    const f8 *y = (const f8 *)f->y, *seen = (const f8 *)f->seen, *change = (const f8 *)f->change;
+    const f8 *any = (const f8 *)f->any, *over = (const f8 *)f->over;
+    const long here = (long)node[f->samples - 1] * f->blocks;
+    const f8 *posture = (const f8 *)f->posture + here, *log_posture = (const f8 *)f->log_posture + here;
+    f8 total = {};
     for (int block = 0; block < f->blocks; block++) {
-        v4 first[2] = {}, second[2] = {};
+        f8 first = {}, second = {};
         for (int i = 0; i < f->samples; i++) {
-            const v4 *y = CROW(f->y + (long)i * f->width, block), *seen = CROW(f->seen + (long)i * f->width, block);
-            const v4 *mean = CROW(f->mean + (long)node[i] * f->width, block);
-            EACH {
-                v4 error = seen[k] * (y[k] - mean[k]);
-                first[k] += error;
-                second[k] += error * error;
-            }
+            const long at = (long)i * f->blocks + block;
+            f8 error = seen[at] * (y[at] - ((const f8 *)f->mean)[(long)node[i] * f->blocks + block]);
+            first += error;
+            second += error * error;
         }
-        EACH {
-            v4 average = first[k] * CROW(f->over, block)[k];
-            total[k] += NAME(least)(average * average * CROW(f->posture + here, block)[k], f->most)
-                + CROW(f->any, block)[k] * CROW(f->log_posture + here, block)[k]
-                + NAME(least)((second[k] - first[k] * average) * CROW(f->change, block)[k], f->most);
-        }
+        f8 average = first * over[block];
+        total += NAME(least_single)(average * average * posture[block], f->most) + any[block] * log_posture[block]
+            + NAME(least_single)((second - first * average) * change[block], f->most);
     }
-    total[0] += total[1];
-    return (total[0][0] + total[0][1]) + (total[0][2] + total[0][3]);
+    return (double)(((total[0] + total[1]) + (total[2] + total[3])) + ((total[4] + total[5]) + (total[6] + total[7])));
 }
 
 #undef EACH

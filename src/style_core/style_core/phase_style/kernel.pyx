@@ -57,15 +57,15 @@ cdef extern from "blocks.h":
         double information, score, squares, logs
     ctypedef struct glance:
         int blocks, width, samples
-        const double *mean
-        const double *posture
-        const double *log_posture
-        const double *change
-        const double *y
-        const double *seen
-        const double *any
-        const double *over
-        double most
+        const float *mean
+        const float *posture
+        const float *log_posture
+        const float *change
+        const float *y
+        const float *seen
+        const float *any
+        const float *over
+        float most
     void arrow_sense(arrow*, int) noexcept nogil
     void arrow_settle(arrow*) noexcept nogil
     void arrow_mean(const arrow*, const horizon*, double*, double*, double*) noexcept nogil
@@ -162,6 +162,11 @@ cdef double[::1] aligned(long count):
     return memory[first:first + count]
 
 
+cdef float[::1] aligned_single(long count):
+    """The same in single precision."""
+    return np.asarray(aligned((count + 1) // 2)).view(np.float32)[:count]
+
+
 cdef double total_of(const double* four) noexcept nogil:
     return (four[0] + four[1]) + (four[2] + four[3])
 
@@ -179,7 +184,7 @@ cdef class Table:
     cdef readonly int count, channels, nodes
     cdef readonly bint rhythmic
     cdef int blocks, width
-    cdef double[::1] memory
+    cdef cell[::1] memory
     cdef cell* cells                    # (nodes + 1, blocks, count, value and slope, 8)
     cdef const double[:, ::1] variances
 
@@ -194,9 +199,9 @@ cdef class Table:
         rows = np.zeros((self.nodes + 1, 2, self.count, self.width))
         rows[:, 0, :, :self.channels], rows[:, 1, :, :self.channels] = table.values, table.slopes
         rows = rows.reshape(self.nodes + 1, 2, self.count, self.blocks, LANES).transpose(0, 3, 2, 1, 4)
-        self.memory = aligned(rows.size // 2)  # two cells in the place of a double
-        self.cells = <cell*>&self.memory[0]
-        np.asarray(self.memory).view(np.float32)[:] = rows.reshape(-1)
+        self.memory = aligned_single(rows.size)
+        self.cells = &self.memory[0]
+        np.asarray(self.memory)[:] = rows.reshape(-1)
 
     cdef void place(self, double phase, int* node, double* part, double* rate) noexcept nogil:
         """Node below a phase, position between nodes in [0, 1], and nodes a unit of phase (0 when clamped)."""
@@ -1188,7 +1193,8 @@ cdef class PhaseRanking:
     cdef int nodes, channels
     cdef bint rhythmic
     cdef glance f
-    cdef double[::1] tables, samples, log_change, scores
+    cdef float[::1] tables, samples
+    cdef double[::1] log_change, scores
 
     def __init__(self, mean, posture, change, bint rhythmic, double limit=INFINITY):
         cdef Py_ssize_t size, width
@@ -1197,7 +1203,7 @@ cdef class PhaseRanking:
         self.f.blocks = (self.channels + LANES - 1) // LANES
         self.f.width = width = self.f.blocks * LANES
         size = (self.nodes + 1) * width
-        self.tables = aligned(3 * size + width)
+        self.tables = aligned_single(3 * size + width)
         for k, values in enumerate([mean, 1 / posture, np.log(posture), 1 / change[None]]):
             np.asarray(self.tables)[k * size:k * size + len(values) * width].reshape(-1, width)[
                 :, :self.channels] = values
@@ -1209,7 +1215,7 @@ cdef class PhaseRanking:
     cdef _make_room(self, int samples):
         cdef long width = self.f.width
         self.f.samples = samples
-        self.samples = aligned((2 * samples + 2) * width)
+        self.samples = aligned_single((2 * samples + 2) * width)
         self.f.y, self.f.seen = &self.samples[0], &self.samples[samples * width]
         self.f.any, self.f.over = &self.samples[2 * samples * width], &self.samples[(2 * samples + 1) * width]
 
@@ -1293,15 +1299,26 @@ cdef class PhaseRanking:
     cdef _rank(self, const double[::1] back, double velocity, const double[::1] phases, double[::1] scores,
                double constant):
         cdef int p, k
-        cdef double phase
+        cdef double at, rate = self.nodes / TWO_PI if self.rhythmic else self.nodes
         cdef int node[32]
+        cdef double shift[32]       # of the samples from the last one, in nodes
         with nogil:
+            for k in range(self.f.samples):
+                shift[k] = -velocity * back[k]
+                shift[k] = rate * (wrapped(shift[k]) if self.rhythmic else shift[k])
             for p in range(phases.shape[0]):
+                at = rate * (wrapped(phases[p]) if self.rhythmic else phases[p])
                 for k in range(self.f.samples):
-                    phase = phases[p] - velocity * back[k]
-                    if self.rhythmic:
-                        node[k] = <int>(wrapped(phase) * (self.nodes / TWO_PI) + 0.5)
-                    else:
-                        phase = 0 if phase < 0 else (1 if phase > 1 else phase)
-                        node[k] = <int>(phase * self.nodes + 0.5)
+                    node[k] = self._node(at + shift[k])
                 scores[p] = -0.5 * (glance_score(&self.f, node) + constant)
+
+    cdef inline int _node(self, double at) noexcept nogil:
+        """The node nearest to a place, which is at most once around, or clamped."""
+        if self.rhythmic:
+            if at >= self.nodes:
+                at -= self.nodes
+        elif at < 0:
+            at = 0
+        elif at > self.nodes:
+            at = self.nodes
+        return <int>(at + 0.5)
