@@ -1210,14 +1210,9 @@ cdef class PhaseRanking:
         self.f.mean, self.f.posture = &self.tables[0], &self.tables[size]
         self.f.log_posture, self.f.change = &self.tables[2 * size], &self.tables[3 * size]
         self.log_change = np.log(change)
-        self._make_room(6)
-
-    cdef _make_room(self, int samples):
-        cdef long width = self.f.width
-        self.f.samples = samples
-        self.samples = aligned_single((2 * samples + 2) * width)
-        self.f.y, self.f.seen = &self.samples[0], &self.samples[samples * width]
-        self.f.any, self.f.over = &self.samples[2 * samples * width], &self.samples[(2 * samples + 1) * width]
+        self.samples = aligned_single((2 * 32 + 2) * width)
+        self.f.any, self.f.over = &self.samples[0], &self.samples[width]
+        self.f.y, self.f.seen = &self.samples[2 * width], &self.samples[(2 + 32) * width]
 
     def rank(self, const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back,
              double velocity, const double[::1] phases):
@@ -1281,17 +1276,16 @@ cdef class PhaseRanking:
         cdef double count, constant = 0
         if samples > 32:
             raise ValueError(f'at most 32 samples, got {samples}')
-        if samples != self.f.samples:
-            self._make_room(samples)
+        self.f.samples = samples
         with nogil:
             for d in range(self.channels):
                 count = 0
                 for k in range(samples):
-                    self.samples[k * width + d] = y[k, d] if observed[k, d] else 0
-                    self.samples[(samples + k) * width + d] = 1 if observed[k, d] else 0
+                    self.samples[(2 + k) * width + d] = y[k, d] if observed[k, d] else 0
+                    self.samples[(2 + 32 + k) * width + d] = 1 if observed[k, d] else 0
                     count += observed[k, d] != 0
-                self.samples[2 * samples * width + d] = 1 if count else 0
-                self.samples[(2 * samples + 1) * width + d] = 1 / count if count else 0
+                self.samples[d] = 1 if count else 0
+                self.samples[width + d] = 1 / count if count else 0
                 if count:
                     constant += (count - 1) * self.log_change[d]
         return constant
