@@ -62,8 +62,8 @@ typedef struct {
     double information, score, squares, logs;
 } paper;
 
-/* Mean motion with variances (nodes + 1, width); the last samples by sample, y and whether seen (samples, width), and
-   how many of them a channel has (count, its inverse or 0). It only ranks, so all of it is in single precision. */
+/* Mean motion with variances (nodes + 1, width); the last samples by sample, y and whether seen (samples, width);
+   whether a channel has any of them, and one over how many or 0. It only ranks, so all of it is in single precision. */
 typedef struct {
     int blocks, width, samples;
     const float *mean, *posture, *log_posture, *change;   /* inverse variances and log of the first */

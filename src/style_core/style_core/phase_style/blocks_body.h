@@ -55,14 +55,6 @@ static inline double NAME(log_product)(const v4 *x)
     return log((x[0][0] * x[0][1]) * (x[0][2] * x[0][3])) + log((x[1][0] * x[1][1]) * (x[1][2] * x[1][3]));
 }
 
-/* x where it is less than most, else that */
-static inline v4 NAME(least)(v4 x, double most)
-{
-    const v4 y = {most, most, most, most};
-    const l4 less = x < y;
-    return (v4)(((l4)x & less) | ((l4)y & ~less));
-}
-
 /* square roots, 0 of what is not positive */
 static inline v4 NAME(root)(v4 x)
 {
@@ -499,14 +491,15 @@ static void NAME(paper_ahead)(const paper *f, const cubic *at, double extra, dou
     }
 }
 
-/* Minus twice the log likelihood of the last samples at the given nodes, but for a constant. */
-static inline f8 NAME(least_single)(f8 x, float most)
+/* x where it is less than most, else that */
+static inline f8 NAME(least)(f8 x, float most)
 {
     const f8 y = {most, most, most, most, most, most, most, most};
     const i8 less = x < y;
     return (f8)(((i8)x & less) | ((i8)y & ~less));
 }
 
+/* Minus twice the log likelihood of the last samples at the given nodes, but for a constant. */
 static double NAME(glance_score)(const glance *f, const int *node)
 {
     const f8 *y = (const f8 *)f->y, *seen = (const f8 *)f->seen, *change = (const f8 *)f->change;
@@ -523,8 +516,8 @@ static double NAME(glance_score)(const glance *f, const int *node)
             second += error * error;
         }
         f8 average = first * over[block];
-        total += NAME(least_single)(average * average * posture[block], f->most) + any[block] * log_posture[block]
-            + NAME(least_single)((second - first * average) * change[block], f->most);
+        total += NAME(least)(average * average * posture[block], f->most) + any[block] * log_posture[block]
+            + NAME(least)((second - first * average) * change[block], f->most);
     }
     return (double)(((total[0] + total[1]) + (total[2] + total[3])) + ((total[4] + total[5]) + (total[6] + total[7])));
 }

@@ -89,6 +89,8 @@ cdef double NOISE_STEP_S = 1 / 60.0 - 1e-6
 #: Standard deviations are evaluated at so many of the horizons, evenly chosen with both ends, and interpolated.
 cdef int KNOTS = 9
 cdef double LOG_TWO_PI = 1.8378770664093453
+cdef enum:
+    SAMPLES = 32  # that a glance can look at
 
 
 cdef inline double wrapped(double phase) noexcept nogil:
@@ -581,6 +583,7 @@ cdef class ArrowFilter:
     cdef double[:, ::1] doubt
     cdef bint doubting          # some are not believed
     cdef readonly int styles, states, channels, common, harmonics
+    cdef int constants          # first row of a block that no update changes
     cdef double offset_rate, fast_rate, personal_rate, style_rate, acceleration, lowest, highest
     cdef arrow f
     cdef horizon times[9]
@@ -613,16 +616,16 @@ cdef class ArrowFilter:
         self.lowest, self.highest = bounds
         self.f.m, self.f.n, self.f.harmonics = m, n, self.harmonics
         self.f.blocks, self.f.channels, self.f.width = table.blocks, table.channels, table.width
-        self.f.rows = n * m + n * (n + 1) // 2 + 2 * n + m + 6 + self.harmonics
+        self.constants = n * m + n * (n + 1) // 2 + 2 * n + m + 2
+        self.f.rows = self.constants + 4 + self.harmonics
         self.f.fast_rate2 = self.fast_rate * self.fast_rate
         self.memory = aligned(table.blocks * self.f.rows * LANES)
         self.sums = aligned(4 * (m * (m + 1) // 2 + m + 1))
         self.rows = aligned(KNOTS * (1 + self.styles) * table.width)
         self.f.states, self.f.sums = &self.memory[0], &self.sums[0]
-        first = self.f.rows - 4 - self.harmonics
         for row, values in enumerate([noise, offset, fast, personal.sum(axis=0), *personal]):
-            self._row(first + row)[...] = 1.0 if row == 0 else 0.0   # channels that fill the last block up
-            self._put(first + row, values)
+            self._row(self.constants + row)[...] = 1.0 if row == 0 else 0.0   # channels that fill the last block up
+            self._put(self.constants + row, values)
         self.c, self.work = np.zeros(m), np.zeros(m)
         self.believe()
         self.age = np.zeros(max(self.styles, 1))
@@ -668,7 +671,7 @@ cdef class ArrowFilter:
     def start(self, double phase, double velocity, double phase_variance, double velocity_variance):
         """Begin anew: style and residual states at their priors, a covariance of any correlation forgotten."""
         cdef int a, d, k, block, lane, n = self.states
-        cdef int V = n * self.common, constants = self.f.rows - 4 - self.harmonics
+        cdef int V = n * self.common
         self.c[:] = 0
         self.P[:, :] = 0
         for a in range(self.common):
@@ -677,15 +680,15 @@ cdef class ArrowFilter:
         self.P[0, 0], self.P[1, 1] = phase_variance, velocity_variance
         self.age[:] = 0
         for block in range(self.f.blocks):
-            memset(self._state(block, 0), 0, constants * LANES * sizeof(double))
+            memset(self._state(block, 0), 0, self.constants * LANES * sizeof(double))
             for a in range(n):
                 for lane in range(LANES):
                     if a == 2:
                         self._state(block, V + 5)[lane] = \
-                            self._state(block, constants + 2)[lane] * self.fast_rate * self.fast_rate
+                            self._state(block, self.constants + 2)[lane] * self.fast_rate * self.fast_rate
                     else:
                         k = a + 1 if a < 2 else 4 + (a - 3) // 2
-                        self._state(block, V + a * (a + 1) // 2 + a)[lane] = self._state(block, constants + k)[lane]
+                        self._state(block, V + a * (a + 1) // 2 + a)[lane] = self._state(block, self.constants + k)[lane]
         self.innovation, self.log_likelihood = NAN, 0
         self.rejected = 0
         self.doubt[:, 0] = -1
@@ -997,8 +1000,8 @@ cdef class ArrowFilter:
 
     cdef int _mark(self, double squares, bint first) noexcept nogil:
         """Mark channels in ``used`` whose error has more than so many squared standard deviations; returns how many."""
-        cdef int d, i, j, found = 0, n = self.states, m = self.common
-        cdef int g = n * m + n * (n + 1) // 2 + n, inverse = g + m + n, error = inverse + 1   # rows of a block
+        cdef int d, i, j, found = 0, m = self.common
+        cdef int inverse = self.constants - 2, error = inverse + 1, g = inverse - self.states - m  # rows of a block
         cdef double size, variance
         for d in range(self.channels):
             size = self._cell(d, error)[0] * self._cell(d, error)[0]
@@ -1015,8 +1018,8 @@ cdef class ArrowFilter:
 
     cdef bint _doubt(self, double dt) noexcept nogil:
         """Leave out of ``used`` what is not to be believed (see `believe`); returns whether anything changed."""
-        cdef int d, out, n = self.states, m = self.common
-        cdef int inverse = n * m + n * (n + 1) // 2 + n + m + n, error = inverse + 1
+        cdef int d, out, variance = self.states * self.common  # row of the offset's
+        cdef int inverse = self.constants - 2, error = inverse + 1
         cdef double apart, limit = self.limit * self.limit
         cdef bint changed = False
         out = self._mark(limit, dt == 0)
@@ -1040,7 +1043,7 @@ cdef class ArrowFilter:
                 self.doubt[d, 1], self.doubt[d, 2] = self._cell(d, error)[0], self.f.y[d]
                 self._used[d] = self.doubt[d, 0] >= BELIEVED_S
                 if self._used[d]:
-                    self._cell(d, n * m)[0] += self.doubt[d, 1] * self.doubt[d, 1]  # variance of its offset
+                    self._cell(d, variance)[0] += self.doubt[d, 1] * self.doubt[d, 1]
                 else:
                     self.rejected += 1
                     self.seen -= 1
@@ -1210,9 +1213,9 @@ cdef class PhaseRanking:
         self.f.mean, self.f.posture = &self.tables[0], &self.tables[size]
         self.f.log_posture, self.f.change = &self.tables[2 * size], &self.tables[3 * size]
         self.log_change = np.log(change)
-        self.samples = aligned_single((2 * 32 + 2) * width)
+        self.samples = aligned_single((2 * SAMPLES + 2) * width)
         self.f.any, self.f.over = &self.samples[0], &self.samples[width]
-        self.f.y, self.f.seen = &self.samples[2 * width], &self.samples[(2 + 32) * width]
+        self.f.y, self.f.seen = &self.samples[2 * width], &self.samples[(2 + SAMPLES) * width]
 
     def rank(self, const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back,
              double velocity, const double[::1] phases):
@@ -1274,15 +1277,15 @@ cdef class PhaseRanking:
         cdef int k, d, samples = y.shape[0]
         cdef long width = self.f.width
         cdef double count, constant = 0
-        if samples > 32:
-            raise ValueError(f'at most 32 samples, got {samples}')
+        if samples > SAMPLES:
+            raise ValueError(f'at most {SAMPLES} samples, got {samples}')
         self.f.samples = samples
         with nogil:
             for d in range(self.channels):
                 count = 0
                 for k in range(samples):
                     self.samples[(2 + k) * width + d] = y[k, d] if observed[k, d] else 0
-                    self.samples[(2 + 32 + k) * width + d] = 1 if observed[k, d] else 0
+                    self.samples[(2 + SAMPLES + k) * width + d] = 1 if observed[k, d] else 0
                     count += observed[k, d] != 0
                 self.samples[d] = 1 if count else 0
                 self.samples[width + d] = 1 / count if count else 0
@@ -1294,8 +1297,8 @@ cdef class PhaseRanking:
                double constant):
         cdef int p, k
         cdef double at, rate = self.nodes / TWO_PI if self.rhythmic else self.nodes
-        cdef int node[32]
-        cdef double shift[32]       # of the samples from the last one, in nodes
+        cdef int node[SAMPLES]
+        cdef double shift[SAMPLES]  # of the samples from the last one, in nodes
         with nogil:
             for k in range(self.f.samples):
                 shift[k] = -velocity * back[k]
