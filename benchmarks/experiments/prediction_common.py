@@ -30,7 +30,7 @@ LEARNING = (
     'training.py',
     'learning.py',
     'residual.py',
-    'bands.py',
+    'bands.pyx',
     'full.py',
     'table.py',
     'gaussian_process.py',

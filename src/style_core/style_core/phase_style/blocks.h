@@ -111,7 +111,5 @@ static inline void paper_ahead(const paper *f, const cubic *at, double extra, do
 static inline double glance_score(const glance *f, const int *node) { return BEST(glance_score, f, node); }
 static inline void between(double share, const double *a, const double *b, double *out, int n)
 { for (int k = 0; k < n; k++) out[k] = (1 - share) * a[k] + share * b[k]; }
-static inline void stretch(double factor, double *x, int n)
-{ for (int k = 0; k < n; k++) x[k] *= factor; }
 
 #endif

@@ -75,7 +75,6 @@ cdef extern from "blocks.h":
     void paper_ahead(const paper*, const cubic*, double, double, double, double*, double*, double*) noexcept nogil
     double glance_score(const glance*, const int*) noexcept nogil
     void between(double, const double*, const double*, double*, int) noexcept nogil
-    void stretch(double, double*, int) noexcept nogil
 
 #: Time ahead and what is left of style, offset, personal cycle and fast residual after it.
 cdef struct pace:
@@ -715,15 +714,13 @@ cdef class ArrowFilter:
         """Covariance of the common state, shape (2 + J, 2 + J)."""
         return np.array(self.P)
 
-    def describe(self, const double[::1] centre, const double[:, ::1] root, double scale):
+    def describe(self, const double[::1] centre, const double[:, ::1] root):
         """What the filter believes now.
 
         Parameters
         ----------
         centre, root : ndarray, shape (J,) and (J, J)
             The style is ``centre + root z``.
-        scale : float
-            Factor on the pose's standard deviation.
 
         Returns
         -------
@@ -760,7 +757,6 @@ cdef class ArrowFilter:
         self._ahead(&pace, self.times)
         arrow_mean(&self.f, self.times, sheet.mean, NULL, &self.rows[0])
         arrow_spread(&self.f, self.times, 1, &self.rows[0], &sheet.std)
-        stretch(scale, sheet.std, self.channels)
         return self.c[0], self.c[1], *sheet.parts()
 
     @property
@@ -1058,7 +1054,7 @@ cdef class ArrowFilter:
         return self._state(channel // LANES, row) + channel % LANES
 
     def predict(self, const double[::1] horizons, double[:, ::1] mean, double[:, ::1] std,
-                double[:, ::1] velocity, const double[::1] scale=None):
+                double[:, ::1] velocity):
         """Predict observations.
 
         Parameters
@@ -1068,12 +1064,10 @@ cdef class ArrowFilter:
             linear in between.
         mean, std, velocity : ndarray, shape (H, D)
             Filled in.
-        scale : ndarray, shape (H,), optional
-            Factor on the standard deviation.
         """
         self._plan(horizons)
         if horizons.shape[0]:
-            self._predict(horizons, &mean[0, 0], &std[0, 0], &velocity[0, 0], scale)
+            self._predict(horizons, &mean[0, 0], &std[0, 0], &velocity[0, 0])
 
     cdef int _plan(self, const double[::1] horizons) except -1:
         """Get ready for a prediction; what depends on the horizons alone is kept for the next one."""
@@ -1092,8 +1086,8 @@ cdef class ArrowFilter:
         self.planned = H
         return 0
 
-    cdef void _predict(self, const double[::1] horizons, double* mean, double* std, double* velocity,
-                       const double[::1] scale) noexcept nogil:
+    cdef void _predict(self, const double[::1] horizons, double* mean, double* std,
+                       double* velocity) noexcept nogil:
         cdef int h, k, i, H = horizons.shape[0], last = -1, slot = 0
         cdef int knots = H if H <= KNOTS else KNOTS
         cdef long D = self.channels, size = (1 + self.styles) * self.table.width
@@ -1123,18 +1117,15 @@ cdef class ArrowFilter:
                     between((horizons[i] - horizons[last]) / (horizons[h] - horizons[last]), std + last * D,
                             std + h * D, std + i * D, D)
                 last = h
-        if scale is not None:
-            for h in range(H):
-                stretch(scale[h], std + h * D, D)
 
-    def ahead(self, const double[::1] horizons, const double[::1] scale=None):
+    def ahead(self, const double[::1] horizons):
         """`predict` into new arrays: mean, std and velocity."""
         cdef long H = horizons.shape[0]
         self._plan(horizons)
         out = empty((3, H, self.channels))
         cdef double[:, :, ::1] memory = out
         if H:
-            self._predict(horizons, &memory[0, 0, 0], &memory[1, 0, 0], &memory[2, 0, 0], scale)
+            self._predict(horizons, &memory[0, 0, 0], &memory[1, 0, 0], &memory[2, 0, 0])
         return out[0], out[1], out[2]
 
     cdef int _root(self) noexcept nogil:

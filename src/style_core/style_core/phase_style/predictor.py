@@ -14,6 +14,8 @@ from style_core.predictor import Estimate, Prediction, Status
 
 __all__ = ['FullPredictor']
 
+NOW = np.zeros(1)
+
 
 class FullPredictor:
     """Phase, style and residual of a moving person, on line.
@@ -110,7 +112,7 @@ class FullPredictor:
                 leader.judge()
             if leader.filter.rejected:
                 gate.observed[:] = leader.filter.used
-        self._bands.observe(gate.seen, dt)
+        self._bands.observe(gate.observed, dt)
         if self._searching:
             search.since += dt
             if sampled:
@@ -132,7 +134,7 @@ class FullPredictor:
                 search.again()
                 self._bands.forget()
         if not self._searching:
-            self._bands.follow(search.leader, gate.time, gate.y, gate.seen)
+            self._bands.follow(search.leader, gate.time, gate.y, gate.observed)
 
     def _probabilities(self):
         if not self._searching:
@@ -153,17 +155,14 @@ class FullPredictor:
             index, one = leader.behaviour, leader.filter
             innovation, log_likelihood = one.innovation, one.log_likelihood
         late = self._late(leader)
-        scale = self._bands.present(index)
-        even = isinstance(scale, float)
-        phase, speed, covariance, style, style_covariance, mean, std = one.describe(
-            *self._priors[index], scale if even else 1.0)
-        if not even:
-            std *= scale
+        phase, speed, covariance, style, style_covariance, mean, std = one.describe(*self._priors[index])
         if late > 0:
             phase += late * speed
             if self._behaviours[index].rhythmic:
                 phase %= 2 * math.pi
             mean, std, _ = (values[0] for values in self._ahead(index, one, np.array([late])))
+        else:
+            self._bands.widen(index, NOW, std[None])
         return Estimate(
             time=self._gate.time, phase=phase, phase_velocity=speed, phase_covariance=covariance, style=style,
             style_covariance=style_covariance, mean=mean, std=std, observed=self._gate.flags(),
@@ -191,9 +190,6 @@ class FullPredictor:
         """Predict with the filter ``one`` of a behaviour; bands as wide as they must be."""
         if horizons.ndim != 1:
             raise ValueError('horizons must be a one-dimensional array of times >= 0')
-        scale = self._bands.factor(index, horizons)
-        if scale.ndim == 1:
-            return one.ahead(horizons, scale)
-        mean, std, velocity = one.ahead(horizons, np.ones(len(horizons)))
-        std *= scale
+        mean, std, velocity = one.ahead(horizons)
+        self._bands.widen(index, horizons, std)
         return mean, std, velocity
