@@ -714,13 +714,15 @@ cdef class ArrowFilter:
         """Covariance of the common state, shape (2 + J, 2 + J)."""
         return np.array(self.P)
 
-    def describe(self, const double[::1] centre, const double[:, ::1] root):
-        """What the filter believes now.
+    def describe(self, const double[::1] centre, const double[:, ::1] root, double late=0.0):
+        """What the filter believes now, or was to expect some time after its last update.
 
         Parameters
         ----------
         centre, root : ndarray, shape (J,) and (J, J)
             The style is ``centre + root z``.
+        late : float
+            Time since the last update, s; phase and pose are carried on by it.
 
         Returns
         -------
@@ -729,7 +731,7 @@ cdef class ArrowFilter:
             deviation, each (D,).
         """
         cdef int i, j, k, J = self.styles
-        cdef double total
+        cdef double total, phase = self.c[0] + late * self.c[1]
         cdef pace pace
         cdef Sheet sheet = Sheet(J, self.channels)
         for i in range(2):
@@ -753,11 +755,11 @@ cdef class ArrowFilter:
                 sheet.covariance[i * J + j] = total
         if not self.rooted and self._root():
             raise ArithmeticError('what was observed is too far from anything the model can represent')
-        self._decays(0, &pace)
+        self._decays(late, &pace)
         self._ahead(&pace, self.times)
         arrow_mean(&self.f, self.times, sheet.mean, NULL, &self.rows[0])
         arrow_spread(&self.f, self.times, 1, &self.rows[0], &sheet.std)
-        return self.c[0], self.c[1], *sheet.parts()
+        return self._bounded(phase), self.c[1], *sheet.parts()
 
     @property
     def residuals(self):
@@ -780,13 +782,11 @@ cdef class ArrowFilter:
         cross = A @ P
         return np.concatenate([self.state, u]), np.block([[P, cross.T], [cross, V + cross @ A.T]])
 
+    cdef double _bounded(self, double phase) noexcept nogil:
+        return wrapped(phase) if self.table.rhythmic else min(max(phase, 0.0), 1.0)
+
     cdef void _bound(self) noexcept nogil:
-        if self.table.rhythmic:
-            self.c[0] = wrapped(self.c[0])
-        elif self.c[0] < 0:
-            self.c[0] = 0
-        elif self.c[0] > 1:
-            self.c[0] = 1
+        self.c[0] = self._bounded(self.c[0])
         if self.c[1] < self.lowest:
             self.c[1] = self.lowest
         elif self.c[1] > self.highest:

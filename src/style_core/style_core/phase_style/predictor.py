@@ -113,7 +113,8 @@ class FullPredictor:
             if leader.filter.rejected:
                 gate.observed[:] = leader.filter.used
         self._bands.observe(gate.observed, dt)
-        if self._searching:
+        searched = self._searching
+        if searched:
             search.since += dt
             if sampled:
                 search.step(BUDGET - spent)
@@ -133,19 +134,13 @@ class FullPredictor:
                 self._status = Status.LOST
                 search.again()
                 self._bands.forget()
-        if not self._searching:
+        if not self._searching and not searched:  # what a search costs is enough for one observation
             self._bands.follow(search.leader, gate.time, gate.y, gate.observed)
 
     def _probabilities(self):
         if not self._searching:
             return dict(self._certain[self._search.leader.behaviour])
-        weights = self._search.weights()
-        if not weights:
-            return {name: 1 / len(self._certain[0]) for name in self._certain[0]}
-        total = dict.fromkeys(self._certain[0], 0.0)
-        for index, weight in weights.items():  # gaits of one behaviour count together
-            total[self._behaviours[index].name] += weight
-        return total
+        return self._search.probabilities()
 
     def _estimate(self):
         leader = self._search.leader
@@ -155,14 +150,8 @@ class FullPredictor:
             index, one = leader.behaviour, leader.filter
             innovation, log_likelihood = one.innovation, one.log_likelihood
         late = self._late(leader)
-        phase, speed, covariance, style, style_covariance, mean, std = one.describe(*self._priors[index])
-        if late > 0:
-            phase += late * speed
-            if self._behaviours[index].rhythmic:
-                phase %= 2 * math.pi
-            mean, std, _ = (values[0] for values in self._ahead(index, one, np.array([late])))
-        else:
-            self._bands.widen(index, NOW, std[None])
+        phase, speed, covariance, style, style_covariance, mean, std = one.describe(*self._priors[index], late)
+        self._bands.widen(index, np.array([late]) if late else NOW, std[None])
         return Estimate(
             time=self._gate.time, phase=phase, phase_velocity=speed, phase_covariance=covariance, style=style,
             style_covariance=style_covariance, mean=mean, std=std, observed=self._gate.flags(),

@@ -194,6 +194,8 @@ cdef class Search:
     cdef double[::1] _tail      # samples that the size of what they promise is known from
     cdef double[::1] _width     # distance of the phases tried
     cdef list _rhythmic
+    cdef list _names
+    cdef double[::1] _weights   # of each behaviour; scratch
 
     def __init__(self, behaviours, glances, pool, bint single=False, bint rejects=True):
         channels = len(behaviours[0].joint_names)
@@ -205,6 +207,7 @@ cdef class Search:
         self._tail = np.array([behaviour.residual.check_weight for behaviour in behaviours], dtype=float)
         self._width = np.array([glance.width if len(glance.phases) > 1 else INFINITY for glance in glances])
         self._rhythmic = [bool(behaviour.rhythmic) for behaviour in behaviours]
+        self._names, self._weights = [behaviour.name for behaviour in behaviours], np.empty(len(behaviours))
         # several windows long, so that the last samples always lie in one piece
         self._y = np.zeros((8 * WINDOW, channels))
         self._observed = np.zeros((8 * WINDOW, channels), dtype=np.uint8)
@@ -432,17 +435,23 @@ cdef class Search:
         self.tracks.remove(track)
         self._free[track.behaviour].append(track.filter)
 
-    def weights(self):
-        """Posterior weight of each behaviour under way, {index: weight}; empty before anything was judged."""
+    def probabilities(self):
+        """Posterior probability of each behaviour by name; gaits of one behaviour count together."""
         cdef Track track, first = None
-        cdef double weight, total = 0
-        weights = {}
+        cdef double total = 0
+        cdef int index, count = len(self._names)
+        self._weights[:] = 0
         for track in self.tracks:
             if track.weight:
                 if first is None:
                     first = track
-                weight = exp(min(max(track.lead(first), -50.0), 50.0))
-                weights[track.behaviour] = max(weights.get(track.behaviour, 0.0), weight)
-        for weight in weights.values():
-            total += weight
-        return {index: weight / total for index, weight in weights.items()}
+                self._weights[track.behaviour] = max(self._weights[track.behaviour],
+                                                     exp(min(max(track.lead(first), -50.0), 50.0)))
+        for index in range(count):
+            total += self._weights[index]
+        found = dict.fromkeys(self._names, 0.0)
+        if total == 0:  # nothing was judged yet
+            return dict.fromkeys(found, 1 / <double>len(found))
+        for index in range(count):
+            found[self._names[index]] += self._weights[index] / total
+        return found
