@@ -36,6 +36,8 @@ LEARNING = (
     'gaussian_process.py',
     'model.py',
     'kernel.pyx',
+    'blocks.h',
+    'blocks_body.h',
 )
 #: Files beside that folder, and those that the weights of histories depend on as well.
 SHARED = ('alignment.py', 'effort/warping.py', 'effort/_warp.pyx')
