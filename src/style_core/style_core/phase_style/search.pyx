@@ -9,12 +9,12 @@ __all__ = ['BUDGET', 'GLANCE_COST', 'LIVE', 'START_COST', 'Glance', 'Search', 'T
 
 #: Samples kept for starting a hypothesis in the past, samples a glance looks at, and their smallest distance, s.
 WINDOW = 10
-GLANCE = 6
+GLANCE = 3
 SPACING_S = 1 / 60.0 - 1e-3
 #: Hypotheses that run at a time.
 LIVE = 3
 #: Work spent on one observation at most, in filter updates; what a start costs in the same unit, and what a glance costs
-#: for each speed, and once more to lay out the samples (measured).
+#: for each speed, and once more to lay out the samples (measured in use, where little of it lies in the caches).
 BUDGET = 5.0
 GLANCE_COST = 0.35
 START_COST = 0.35
@@ -181,6 +181,7 @@ cdef class Search:
     cdef list _found            # its peaks of the last glance
     cdef double[::1] _stamps    # and when that was, s
     cdef int _turn              # behaviour to glance at next
+    cdef bint _refused          # the leader did not take in what called this search
     cdef int _anew              # times in a row that the search began anew
     cdef list _slot             # of each behaviour: its first part
     cdef object _y, _observed, _times
@@ -227,6 +228,7 @@ cdef class Search:
 
     cdef _clear(self):
         self.since = 0.0
+        self._refused = False
         self._found = [[]] * len(self._slices)
         self._stamps[:] = -INFINITY
 
@@ -239,6 +241,7 @@ cdef class Search:
         """
         self._first = max(self._filled - 1, 0)
         self._clear()
+        self._refused = self.leader.filter.seen == 0
         self.leader.judge_anew()
         self.leader.judge()
         if self._rejects:
@@ -402,6 +405,9 @@ cdef class Search:
                 return False
         else:
             self._anew = 0
+        if self._refused and leader is self.leader and leader.count == 2 and leader.last < EXPLAINS:
+            self._end()  # what called the search was not taken in, and the next is as expected: that one was wrong
+            return True
         for track in ready:
             if best is None or track.lead(best) > 0:
                 best = track
@@ -421,10 +427,13 @@ cdef class Search:
         over = leader.misfit / leader.weight < EXPLAINS and (
             self.since >= SEARCH_S or (leader.count >= 6 and clear and self.since >= 0.1))
         if over:
-            self._drop_others()
-            if self._rejects:
-                leader.filter.believe(LIMIT, FEW, EXPLAINS, whole=True)
+            self._end()
         return over
+
+    cdef _end(self):
+        self._drop_others()
+        if self._rejects:
+            self.leader.filter.believe(LIMIT, FEW, EXPLAINS, whole=True)
 
     cdef _drop_others(self):
         for track in list(self.tracks):
