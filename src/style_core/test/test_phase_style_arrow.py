@@ -373,3 +373,25 @@ def test_what_fails_beside_a_channel_that_is_far_off_goes_with_it():
     one, two = pair(12)
     followed(one, two, wrong=lambda k, y: y + 1.0 * (k == 59) * (np.arange(12) == 6))
     assert one.rejected == 0
+
+
+def test_a_copy_goes_on_as_the_original():
+    one, two = pair()
+    followed(one, pair()[0], seconds=0.5)
+    two.copy(one)
+    assert_same(one, two)
+    followed(one, two, seconds=0.5)
+    assert_same(one, two)
+
+
+def test_surprise_is_the_error_in_predicted_standard_deviations():
+    one, two = pair()
+    followed(one, two, seconds=0.5)
+    before = one.marginal(0)
+    mean, std, _ = one.ahead(np.array([0.04]))
+    y = mean[0] + np.array([1, -2, 3, 0, 1, 1, np.nan, 1]) * std[0]
+    observed = np.array([1, 1, 1, 1, 0, 0, 0, 0], np.uint8)
+    assert one.surprise(y, observed, 0.04) == pytest.approx((1 + 4 + 9) / 4)
+    assert np.isnan(one.surprise(y, observed * 0, 0.04))
+    for a, b in zip(before, one.marginal(0)):
+        np.testing.assert_array_equal(a, b)

@@ -214,6 +214,24 @@ def test_one_observation_that_is_wrong_altogether_costs_nothing(walk, wrong):
     assert rms(errors[100:130]) < 1.02 * rms(clean[100:130])
 
 
+@pytest.mark.parametrize('count', [2, 3])
+def test_a_few_observations_that_are_wrong_altogether_are_sat_out(walk, count):
+    rng = np.random.default_rng(0)
+    clean, errors, estimates = walk_with(
+        walk, lambda frame, y: rng.standard_normal(6) * 2 if 100 <= frame < 100 + count else y)
+    for estimate in estimates[100:100 + count]:
+        assert estimate.status is Status.LOST and not estimate.observed.any() and estimate.behaviours['walk'] == 1
+    assert all(estimate.status is Status.TRACKING for estimate in estimates[100 + count:])
+    assert rms(errors[100:130]) < 1.05 * rms(clean[100:130])
+
+
+def test_after_more_of_them_it_is_back_at_once(walk):
+    clean, errors, estimates = walk_with(walk, lambda frame, y: y * 0 - 2 if 100 <= frame < 112 else y)
+    assert not any(estimate.behaviours['walk'] > 0.5 for estimate in estimates[106:112])  # it stands still, as it seems
+    assert all(estimate.status is Status.TRACKING for estimate in estimates[113:])
+    assert rms(errors[113:140]) < 1.2 * rms(clean[113:140])
+
+
 def test_a_search_begins_anew_where_everything_before_was_from_elsewhere(walk):
     clean, errors, _ = walk_with(walk, lambda frame, y: y * 0 + 2.5 if frame < 3 else y)
     assert rms(errors[30:]) < 1.2 * rms(clean[30:]) + 0.01
@@ -445,6 +463,9 @@ class Counted:
     def start(self, *args):
         self._done.append(('start', START_COST))
         return self._inner.start(*args)
+
+    def copy(self, other):
+        self._inner.copy(other._inner)
 
     def peaks(self, y, observed, back, speeds):
         self._done.append(('glance', GLANCE_COST * (1 + len(speeds))))

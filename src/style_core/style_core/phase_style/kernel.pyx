@@ -696,6 +696,43 @@ cdef class ArrowFilter:
         self.turn = 0
         self._bound()
 
+    def copy(self, ArrowFilter other):
+        """Take over the state of another filter of the same behaviour."""
+        self.memory[:] = other.memory
+        self.c[:], self.P[:, :], self.precision[:, :] = other.c, other.P, other.precision
+        self.age[:], self.doubt[:, :] = other.age, other.doubt
+        self.innovation, self.log_likelihood, self.log_determinant = \
+            other.innovation, other.log_likelihood, other.log_determinant
+        self.seen, self.rejected, self.doubting, self.turn = other.seen, other.rejected, other.doubting, other.turn
+        self._used[:] = other._used
+        self.log_precision, self.fresh, self.rooted = other.log_precision, other.fresh, False
+
+    def surprise(self, const double[::1] y, const unsigned char[::1] observed, double ahead):
+        """Mean squared error of a later observation in predicted standard deviations, over channels not in doubt.
+
+        Parameters
+        ----------
+        y : ndarray, shape (D,)
+        observed : ndarray of uint8, shape (D,)
+        ahead : float
+            Time since the last update, s.
+
+        Returns
+        -------
+        float
+            NaN if nothing counts.
+        """
+        cdef int d, count = 0
+        cdef double error, total = 0
+        cdef double[:, :, ::1] expected = empty((3, 1, self.channels))
+        self.predict(np.array([ahead]), expected[0], expected[1], expected[2])
+        for d in range(self.channels):
+            if observed[d] and self.doubt[d, 0] < 0:
+                error = (y[d] - expected[0, 0, d]) / expected[1, 0, d]
+                total += error * error
+                count += 1
+        return total / count if count else NAN
+
     @property
     def state(self):
         """Mean of the common state, shape (2 + J,)."""

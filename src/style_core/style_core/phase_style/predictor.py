@@ -57,7 +57,7 @@ class FullPredictor:
             self._priors.append(style_prior(behaviour.styles, behaviour.groups,
                                             1e4 if 'prior' in without else behaviour.residual.style_scale))
             table = Table(table)
-            self._pool.append([make_filter(behaviour, table, without) for _ in range(LIVE + 1)])
+            self._pool.append([make_filter(behaviour, table, without) for _ in range(LIVE + 2)])
         self._search = Search(behaviours, glances, self._pool, single='search' in without, rejects=rejects)
         self._certain = [{one.name: float(one.name == behaviour.name) for one in behaviours}
                          for behaviour in behaviours]
@@ -112,7 +112,6 @@ class FullPredictor:
                 leader.judge()
             if leader.filter.rejected:
                 gate.observed[:] = leader.filter.used
-        self._bands.observe(gate.observed, dt)
         searched = self._searching
         if searched:
             search.since += dt
@@ -122,9 +121,12 @@ class FullPredictor:
                 self._searching = False
                 self._status = Status.TRACKING
                 self._monitor.reset()
+        if search.holding:
+            gate.observed[:] = 0
+        self._bands.observe(gate.observed, dt)
         if not self._searching:
             leader = search.leader
-            # an observation that is not believed as a whole is a loss as well: if it was a glitch, the leader wins
+            # an observation that is not believed as a whole is a loss as well
             out = self._monitor.add(leader.filter.innovation, dt) or leader.filter.rejected > leader.filter.seen == 0
             # as slow as its behaviour allows, a phase follows something else, whatever the innovations say
             self._slow_s = self._slow_s + dt if leader.filter.velocity <= self._slowest[leader.behaviour] else 0.0
@@ -138,18 +140,19 @@ class FullPredictor:
             self._bands.follow(search.leader, gate.time, gate.y, gate.observed)
 
     def _probabilities(self):
-        if not self._searching:
-            return dict(self._certain[self._search.leader.behaviour])
-        return self._search.probabilities()
+        search = self._search
+        if not self._searching or search.holding:
+            return dict(self._certain[search.speaker.behaviour])
+        return search.probabilities()
 
     def _estimate(self):
-        leader = self._search.leader
-        if leader is None:  # nothing was observed yet
+        track = self._search.speaker
+        if track is None:  # nothing was observed yet
             index, one, innovation, log_likelihood = 0, self._pool[0][0], math.nan, 0.0
         else:
-            index, one = leader.behaviour, leader.filter
+            index, one = track.behaviour, track.filter
             innovation, log_likelihood = one.innovation, one.log_likelihood
-        late = self._late(leader)
+        late = self._late(track)
         phase, speed, covariance, style, style_covariance, mean, std = one.describe(*self._priors[index], late)
         self._bands.widen(index, np.array([late]) if late else NOW, std[None])
         return Estimate(
@@ -158,17 +161,17 @@ class FullPredictor:
             innovation=innovation, log_likelihood=log_likelihood, status=self._status,
             behaviours=self._probabilities())
 
-    def _late(self, leader):
-        """Time since the leader's last update, s: one of several hypotheses, it waits for the next sample of all."""
-        return self._gate.time - leader.time if self._searching and leader is not None else 0.0
+    def _late(self, track):
+        """Time since a track's last update, s: one of several hypotheses, it waits for the next sample of all."""
+        return self._gate.time - track.time if self._searching and track is not None else 0.0
 
     def predict(self, horizons):
         """Predict at ``horizons`` (shape (H,), s after the last update, >= 0)."""
         horizons = np.array(horizons, dtype=float)
-        leader = self._search.leader
-        index, one = (0, self._pool[0][0]) if leader is None else (leader.behaviour, leader.filter)
+        track = self._search.speaker
+        index, one = (0, self._pool[0][0]) if track is None else (track.behaviour, track.filter)
         try:
-            mean, std, velocity = self._ahead(index, one, horizons + self._late(leader))
+            mean, std, velocity = self._ahead(index, one, horizons + self._late(track))
         except ArithmeticError:
             self._forget()
             mean, std, velocity = self._ahead(0, self._pool[0][0], horizons)

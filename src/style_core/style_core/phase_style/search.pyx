@@ -47,6 +47,9 @@ LIMIT, FEW = 20.0, 0.15
 ELSEWHERE = 12.0
 #: Times in a row that a search may begin anew.
 ANEW = 2
+#: So long a leader that did not take in what called a loss is kept as it was, s: it leads again once what is seen is as
+#: it expects. And so long it goes on speaking: nobody is elsewhere that fast, but what a bus says may be.
+KEPT_S, HOLD_S = 0.25, 0.05
 
 
 class Glance:
@@ -156,7 +159,7 @@ cdef class Search:
     behaviours : list of Behaviour
     glances : list of Glance
     pool : list of list of ArrowFilter
-        Of each behaviour, ``LIVE + 1`` filters.
+        Of each behaviour, ``LIVE + 2`` filters: of all that run, of a leader that is kept, and of a new one.
     single : bool
         Start from the best hypothesis alone (for ablation).
     rejects : bool
@@ -166,6 +169,10 @@ cdef class Search:
     ----------
     leader : Track or None
         None until something was observed.
+    speaker : Track or None
+        Where estimates and predictions come from: the leader, or one that is kept.
+    holding : bool
+        What was seen last is not believed yet: a leader that is kept speaks.
     tracks : list of Track
         All that run, the leader included.
     since : float
@@ -181,7 +188,7 @@ cdef class Search:
     cdef list _found            # its peaks of the last glance
     cdef double[::1] _stamps    # and when that was, s
     cdef int _turn              # behaviour to glance at next
-    cdef bint _refused          # the leader did not take in what called this search
+    cdef Track _kept            # a leader that did not take in what called this search, as it was
     cdef int _anew              # times in a row that the search began anew
     cdef list _slot             # of each behaviour: its first part
     cdef object _y, _observed, _times
@@ -224,11 +231,11 @@ cdef class Search:
         self._filled = self._first = self._base = 0
         self._last = 0.0
         self._turn = self._anew = 0
+        self._kept = None
         self._clear()
 
     cdef _clear(self):
         self.since = 0.0
-        self._refused = False
         self._found = [[]] * len(self._slices)
         self._stamps[:] = -INFINITY
 
@@ -241,11 +248,57 @@ cdef class Search:
         """
         self._first = max(self._filled - 1, 0)
         self._clear()
-        self._refused = self.leader.filter.seen == 0
+        self._keep()
         self.leader.judge_anew()
         self.leader.judge()
         if self._rejects:
             self.leader.filter.believe(LIMIT, FEW, EXPLAINS)
+
+    cdef _keep(self):
+        """A leader that refused what called this search stays as it is; a copy takes its place."""
+        cdef Track old = self.leader
+        if self._kept is not None and self._last - self._kept.time > KEPT_S:
+            self._release()
+        if self._kept is not None or old.filter.seen or not self._rejects:
+            return
+        one = self._free[old.behaviour].pop()
+        one.copy(old.filter)
+        self.leader = Track(old.behaviour, one, self._filled, self._tail[old.behaviour])
+        self.leader.time = old.time
+        self.tracks[self.tracks.index(old)] = self.leader
+        self._kept = old
+        old.next = self._filled
+
+    @property
+    def speaker(self):
+        return self._kept if self.holding else self.leader
+
+    @property
+    def holding(self):
+        return self._kept is not None and self._last - self._kept.time < HOLD_S + 1e-3
+
+    cdef _release(self):
+        self._free[self._kept.behaviour].append(self._kept.filter)
+        self._kept = None
+
+    cdef bint _as_expected(self):
+        """Is the last sample what the leader that was kept expects? Then what it refused was wrong, and it leads again."""
+        cdef Track kept = self._kept
+        cdef long row = self._filled - 1 - self._base
+        if self._last - kept.time > KEPT_S:
+            self._release()
+            return False
+        kept.next = self._filled
+        if not kept.filter.surprise(self._y_rows[row], self._observed_rows[row], self._last - kept.time) < EXPLAINS:
+            return False
+        self._kept = None
+        self.tracks.append(kept)
+        self.leader = kept
+        kept.take(self._last, self._y_rows[row], self._observed_rows[row])
+        kept.judge_anew()
+        kept.judge()
+        self._end()
+        return True
 
     def store(self, double time, y, seen):
         """Keep an observation if it is far enough from the last one and not empty; returns whether it was."""
@@ -391,6 +444,8 @@ cdef class Search:
         cdef Track track, leader, best = None
         cdef double ahead
         cdef bint same, clear = True, over
+        if self._kept is not None and self._kept.next < self._filled and self._as_expected():
+            return True
         ready = [track for track in self.tracks
                  if track.count and (track is self.leader or track.next >= self._filled)]
         if not ready:
@@ -405,9 +460,6 @@ cdef class Search:
                 return False
         else:
             self._anew = 0
-        if self._refused and leader is self.leader and leader.count == 2 and leader.last < EXPLAINS:
-            self._end()  # what called the search was not taken in, and the next is as expected: that one was wrong
-            return True
         for track in ready:
             if best is None or track.lead(best) > 0:
                 best = track
