@@ -9,7 +9,7 @@ __all__ = ['BUDGET', 'GLANCE_COST', 'LIVE', 'START_COST', 'Glance', 'Search', 'T
 
 #: Samples kept for starting a hypothesis in the past, samples a glance looks at, and their smallest distance, s.
 WINDOW = 10
-GLANCE = 3
+GLANCE = 6
 SPACING_S = 1 / 60.0 - 1e-3
 #: Hypotheses that run at a time.
 LIVE = 3
