@@ -21,7 +21,7 @@ from style_core.baselines import (
     RadialBasisNetwork,
     ZeroVelocity,
 )
-from style_core.evaluation import FRAMES_AHEAD, paper_horizons, roll_out
+from style_core.evaluation import FRAMES_AHEAD, error_deg2, paper_horizons, roll_out
 from style_core.report import Report
 
 SEED = 20120
@@ -252,6 +252,23 @@ def predictor(method, training, test, channels=50):
 def run(method, training, test, channels=50, observed=None):
     """Rollout of ``method`` over the Motion ``test`` with the paper's 25 horizons."""
     return roll_out(predictor(method, training, test, channels), test, paper_horizons(FRAMES_AHEAD), observed=observed)
+
+
+#: Frames by which recordings begin later, to see what hangs on the instant a search begins at.
+STARTS = range(8)
+
+
+def by_start(method, training, names):
+    """E of each recording, beginning 0 to 7 frames later, degrees squared, shape (recordings, 8)."""
+    errors = []
+    for name in names:
+        motion = recording(name)
+        rollouts = [
+            run(method, training, motion.replace(positions=motion.positions[k:], times=motion.times[k:]))
+            for k in STARTS
+        ]
+        errors.append([error_deg2(rollout.mean, rollout.actual) for rollout in rollouts])
+    return np.array(errors)
 
 
 # --------------------------------------------------------------------------------------------------- running

@@ -5,7 +5,21 @@ start-walk-stop recordings of subject 131, which no method was trained for.
 """
 
 import numpy as np
-from prediction_common import SHOWN_COLUMNS, SUBJECTS, others, own, page, parallel, parser, paths, recording, run, shown
+from prediction_common import (
+    SHOWN_COLUMNS,
+    STARTS,
+    SUBJECTS,
+    by_start,
+    others,
+    own,
+    page,
+    parallel,
+    parser,
+    paths,
+    recording,
+    run,
+    shown,
+)
 
 from style_core import datasets
 from style_core.evaluation import error_deg2, rms_deg
@@ -77,6 +91,16 @@ def main(argv=None):
         ['method', 'mean over people', 'mean over trials', *(f'subject {s}' for s in SUBJECTS), 'worst subject'],
         rows,
         'E by subject',
+    )
+    later = [(method, others(subject), own(subject)) for method in COMPARED[1:] for subject in SUBJECTS]
+    by_person = np.array(
+        [errors.mean(axis=0) for errors in parallel(by_start, later, arguments.workers, 'Table 4, later starts')]
+    ).reshape(len(COMPARED) - 1, len(SUBJECTS), -1)
+    report.table(
+        'starts',
+        ['method', 'mean', *STARTS],
+        [[m, float(one.mean()), *one.mean(axis=0)] for m, one in zip(COMPARED[1:], by_person)],
+        'E, mean over people, where the recordings begin so many frames later: how much chance there is in it',
     )
     rows = []
     for method in COMPARED:
