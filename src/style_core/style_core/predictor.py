@@ -109,7 +109,7 @@ class OnlinePredictor(Protocol):
         time : float
             Stamp, s; must increase strictly from call to call.
         y : ndarray, shape (D,)
-            Rad; NaN means not observed.
+            Rad; NaN means not observed, and so does what no joint can be, beyond 10,000.
         mask : ndarray of bool, shape (D,), optional
             False where a joint is not to be used.
 

@@ -176,7 +176,7 @@ def walk_with(walk, wrong, seconds=3.0, without=()):
     return clean, np.array(errors), estimates
 
 
-@pytest.mark.parametrize('size', [0.7, 3.0, 1e4])
+@pytest.mark.parametrize('size', [0.7, 3.0, 5e3])
 def test_a_sensor_that_errs_once_is_noticed_and_forgotten(walk, size):
     def spike(frame, y):
         y[3] += size * (frame == 100)
@@ -372,7 +372,7 @@ def test_a_shower_of_empty_and_sparse_observations(walk):
         assert 0 <= estimate.phase_velocity <= walk.velocity[3]
 
 
-def test_values_no_body_can_have_start_a_new_search(walk):
+def test_values_no_body_can_have_do_no_harm(walk):
     rng = np.random.default_rng(4)
     y = made_person('n_1', 5.7, 0.8, 91, seconds=6)[0].y
     predictor = FullPredictor([walk])
@@ -381,8 +381,8 @@ def test_values_no_body_can_have_start_a_new_search(walk):
             row = row + rng.standard_normal(6) * rng.choice([1.0, 1e3, 1e9, 1e300])
         estimate = predictor.update(frame / 60, row)
         prediction = predictor.predict(AHEAD)
-        assert np.isfinite(estimate.mean).all() or 60 <= frame < 91
-        assert prediction.mean.shape == (25, 6)
+        for values in (estimate.mean, estimate.std, prediction.mean, prediction.std, prediction.velocity):
+            assert np.isfinite(values).all()
     assert estimate.status is Status.TRACKING and rms(estimate.mean - y[-1]) < 0.03
 
 

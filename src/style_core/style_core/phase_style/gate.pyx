@@ -5,6 +5,10 @@ from libc.math cimport fabs, isfinite
 
 __all__ = ['ObservationGate']
 
+#: No joint is farther than this from zero, rad: a value beyond it counts as not observed.
+FARTHEST = 1e4
+cdef double farthest = FARTHEST
+
 
 cdef class ObservationGate:
     """Keeps the last observation that was in order.
@@ -17,7 +21,7 @@ cdef class ObservationGate:
     ----------
     y : ndarray, shape (D,)
     observed : ndarray of uint8, shape (D,)
-        1 where a finite value was given and not masked.
+        1 where a value that a joint can have was given and not masked.
     seen : ndarray of bool, shape (D,)
         The same.
     time : float or None
@@ -77,6 +81,6 @@ cdef class ObservationGate:
             used = mask.view(np.uint8)
         for d in range(self._channels):
             self._y[d] = given[d]
-            self._observed[d] = given[d] == given[d] and (mask is None or used[d])
+            self._observed[d] = fabs(given[d]) < farthest and (mask is None or used[d])  # NaN is not
         self.time = now
         return dt

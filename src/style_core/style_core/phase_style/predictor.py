@@ -110,8 +110,6 @@ class FullPredictor:
             spent = 1
             if sampled:
                 leader.judge()
-            if leader.filter.rejected:
-                gate.observed[:] = leader.filter.used
         searched = self._searching
         if searched:
             search.since += dt
@@ -121,8 +119,9 @@ class FullPredictor:
                 self._searching = False
                 self._status = Status.TRACKING
                 self._monitor.reset()
-        if search.holding:
-            gate.observed[:] = 0
+        speaker = search.speaker
+        if speaker is not None and speaker.filter.rejected:
+            np.bitwise_and(gate.observed, speaker.filter.used, out=gate.observed)
         self._bands.observe(gate.observed, dt)
         if not self._searching:
             leader = search.leader

@@ -152,7 +152,8 @@ cdef class Search:
 
     Samples are kept for a short while, so that a hypothesis can start in the past and catch up. Hypotheses are ranked
     at a quick glance, the best of them run, and the likelihood of what was seen decides who leads. The work is
-    spread over the samples: updates, glances and starts share one budget.
+    spread over the samples: updates, glances and starts share one budget. A leader that did not believe what called the
+    search is kept for a while: it may be that which was wrong.
 
     Parameters
     ----------
@@ -263,7 +264,7 @@ cdef class Search:
             return
         one = self._free[old.behaviour].pop()
         one.copy(old.filter)
-        self.leader = Track(old.behaviour, one, self._filled, self._tail[old.behaviour])
+        self.leader = Track(old.behaviour, one, self._filled, old.tail, old.prior)
         self.leader.time = old.time
         self.tracks[self.tracks.index(old)] = self.leader
         self._kept = old
