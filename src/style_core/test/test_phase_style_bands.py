@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from style_core.phase_style import bands as bands_module
 from style_core.phase_style.bands import FAR_S, LEAD_S, MEMORY_S, MOST, Bands, Level
 
 HORIZON, SCALE = np.array([1, 5, 25]) / 60, np.array([0.6, 1.0, 1.2])
@@ -114,3 +115,18 @@ def test_hidden_joints_do_not_judge_and_are_judged_less_and_less():
     bands.observe(seen, FAR_S)
     level = present(bands)[0] / SCALE[0]
     assert present(bands)[3] == pytest.approx(SCALE[-1] * (1 + (level - 1) / np.e))
+
+
+@pytest.mark.parametrize('name', ['MOST', 'MEMORY_S', 'FAR_S'])
+def test_a_constant_that_is_tried_is_the_one_that_counts(monkeypatch, name):  # prediction_constants.py tries them
+    def measured():
+        bands, track, seen = made(median=1.0), led(), np.ones(4, np.uint8)
+        for frame in range(300):
+            bands.observe(seen, 1 / 60)
+            bands.follow(track, frame / 60, np.full(4, 5.0 if frame % 20 < 10 else 0.1), seen)
+        bands.observe(np.array([1, 1, 1, 0], np.uint8), 0.2)
+        return present(bands)
+
+    usual = measured()
+    monkeypatch.setattr(bands_module, name, 0.5 * getattr(bands_module, name))
+    assert np.any(measured() != usual)

@@ -19,8 +19,6 @@ MEMORY_S = 10.0
 #: A joint this long in the dark is on its way back to the band of people in general, s: twice the longest horizon.
 FAR_S = 50 / 60.0
 
-cdef double lead_s = LEAD_S, most = MOST, memory_s = MEMORY_S, far_s = FAR_S
-
 
 def check(error, std):
     """Mean square of errors in units of the predicted standard deviation."""
@@ -55,8 +53,8 @@ cdef class Level:
 
     cpdef add(self, double value, double share=1.0, double elapsed=LEAD_S):
         """Take a check of a ``share`` of the joints, ``elapsed`` seconds after the last."""
-        cdef double keep = exp(-elapsed / memory_s)
-        self._sum = keep * self._sum + share * min(max(value / self._median, 1 / most), most)
+        cdef double keep = exp(-elapsed / MEMORY_S)
+        self._sum = keep * self._sum + share * min(max(value / self._median, 1 / MOST), MOST)
         self._count = keep * self._count + share
         self.factor = sqrt((self._weight + self._sum) / (self._weight + self._count))
 
@@ -99,7 +97,6 @@ cdef class Bands:
     cdef bint _calibrated
     cdef list _curves, _levels      # of each behaviour
     cdef double[::1] _age           # how long each joint has been in the dark, s
-    cdef bint _dark                 # some are
     cdef object _track              # whose prediction is kept
     cdef double _due                # when it will be checked, s
     cdef object _kept               # mean, std and velocity, each (1, D)
@@ -123,7 +120,6 @@ cdef class Bands:
     def reset(self):
         """Forget everything."""
         self._age[:] = INFINITY
-        self._dark = True
         self.forget()
 
     cpdef forget(self):
@@ -136,23 +132,20 @@ cdef class Bands:
     def observe(self, const unsigned char[::1] seen, double dt):
         """Note which joints were observed, ``dt`` seconds after the last sample."""
         cdef int d
-        cdef bint dark = False
         for d in range(seen.shape[0]):
-            self._age[d] = 0.0 if seen[d] else (self._age[d] + dt if self._dark else dt)
-            dark = dark or not seen[d]
-        self._dark = dark
+            self._age[d] = 0.0 if seen[d] else self._age[d] + dt
 
     def follow(self, track, double time, const double[::1] y, const unsigned char[::1] seen):
         """Check the prediction that is due, if any, and keep the next one of the filter that leads."""
         cdef int d, count = 0
-        cdef double late, ratio, total = 0
+        cdef double late, ratio, total = 0, lead = LEAD_S
         cdef Level level
         if track is not self._track:
             self._track, self._due = track, INFINITY
         late = time - self._due  # -inf: nothing is kept yet
         if -INFINITY < late < -1e-9:
             return
-        if -1e-9 <= late <= lead_s:  # the sample may be late: the predicted velocity bridges that
+        if -1e-9 <= late <= lead:  # the sample may be late: the predicted velocity bridges that
             for d in range(seen.shape[0]):
                 if seen[d] and self._watched[d]:
                     ratio = (y[d] - self._expected[0, 0, d] - late * self._expected[2, 0, d]) / self._expected[1, 0, d]
@@ -160,10 +153,10 @@ cdef class Bands:
                     count += 1
             if count:
                 level = self._levels[track.behaviour]
-                level.add(total / count, count / <double>seen.shape[0], lead_s + late)
+                level.add(total / count, count / <double>seen.shape[0], lead + late)
         track.filter.predict(self._lead, *self._kept)
         self._watched[:] = seen
-        self._due = time + lead_s
+        self._due = time + lead
 
     def widen(self, int index, const double[::1] horizons, double[:, ::1] std):
         """Multiply standard deviations of behaviour ``index``, shape (H, D), by what they need at ``horizons``, s.
@@ -172,7 +165,7 @@ cdef class Bands:
         What was found on joints that are seen says less and less of it.
         """
         cdef int h, d, H = horizons.shape[0], D = std.shape[1]
-        cdef double level, person, age = 0.0
+        cdef double level, person, age = 0.0, far = FAR_S
         cdef double *seen
         cdef double *dark
         cdef const double *factor
@@ -190,7 +183,7 @@ cdef class Bands:
                 factor = dark if self._age[d] else seen
                 if self._age[d] and self._age[d] != age:  # joints in the dark are mostly so for the same time
                     age = self._age[d]
-                    person = 1 + (level - 1) * exp(-age / far_s)
+                    person = 1 + (level - 1) * exp(-age / far)
                     for h in range(H):
                         dark[h] = person * curve.at(horizons[h] + age)
                 for h in range(H):
