@@ -6,8 +6,7 @@ from libc.math cimport fabs, isfinite
 __all__ = ['ObservationGate']
 
 #: No joint is farther than this from zero, rad: a value beyond it counts as not observed.
-FARTHEST = 1e4
-cdef double farthest = FARTHEST
+cdef double FARTHEST = 1e4
 
 
 cdef class ObservationGate:
@@ -81,6 +80,6 @@ cdef class ObservationGate:
             used = mask.view(np.uint8)
         for d in range(self._channels):
             self._y[d] = given[d]
-            self._observed[d] = fabs(given[d]) < farthest and (mask is None or used[d])  # NaN is not
+            self._observed[d] = fabs(given[d]) < FARTHEST and (mask is None or used[d])  # NaN is not
         self.time = now
         return dt

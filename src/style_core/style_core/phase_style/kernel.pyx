@@ -724,11 +724,11 @@ cdef class ArrowFilter:
         """
         cdef int d, count = 0
         cdef double error, total = 0
-        cdef double[:, :, ::1] expected = empty((3, 1, self.channels))
-        self.predict(np.array([ahead]), expected[0], expected[1], expected[2])
+        cdef double[:, ::1] mean, std
+        mean, std, _ = self.ahead(np.array([ahead]))
         for d in range(self.channels):
             if observed[d] and self.doubt[d, 0] < 0:
-                error = (y[d] - expected[0, 0, d]) / expected[1, 0, d]
+                error = (y[d] - mean[0, d]) / std[0, d]
                 total += error * error
                 count += 1
         return total / count if count else NAN

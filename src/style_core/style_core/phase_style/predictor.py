@@ -14,8 +14,6 @@ from style_core.predictor import Estimate, Prediction, Status
 
 __all__ = ['FullPredictor']
 
-NOW = np.zeros(1)
-
 
 class FullPredictor:
     """Phase, style and residual of a moving person, on line.
@@ -153,7 +151,7 @@ class FullPredictor:
             innovation, log_likelihood = one.innovation, one.log_likelihood
         late = self._late(track)
         phase, speed, covariance, style, style_covariance, mean, std = one.describe(*self._priors[index], late)
-        self._bands.widen(index, np.array([late]) if late else NOW, std[None])
+        self._bands.widen(index, np.array([late]), std[None])
         return Estimate(
             time=self._gate.time, phase=phase, phase_velocity=speed, phase_covariance=covariance, style=style,
             style_covariance=style_covariance, mean=mean, std=std, observed=self._gate.flags(),

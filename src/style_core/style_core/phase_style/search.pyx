@@ -258,8 +258,7 @@ cdef class Search:
     cdef _keep(self):
         """A leader that refused what called this search stays as it is; a copy takes its place."""
         cdef Track old = self.leader
-        if self._kept is not None and self._last - self._kept.time > KEPT_S:
-            self._release()
+        self._expire()
         if self._kept is not None or old.filter.seen or not self._rejects:
             return
         one = self._free[old.behaviour].pop()
@@ -278,16 +277,19 @@ cdef class Search:
     def holding(self):
         return self._kept is not None and self._last - self._kept.time < HOLD_S + 1e-3
 
-    cdef _release(self):
-        self._free[self._kept.behaviour].append(self._kept.filter)
-        self._kept = None
+    cdef _expire(self):
+        """Let go of a leader that was kept long enough."""
+        if self._kept is not None and self._last - self._kept.time > KEPT_S:
+            self._free[self._kept.behaviour].append(self._kept.filter)
+            self._kept = None
 
     cdef bint _as_expected(self):
         """Is the last sample what the leader that was kept expects? Then what it refused was wrong, and it leads again."""
-        cdef Track kept = self._kept
+        cdef Track kept
         cdef long row = self._filled - 1 - self._base
-        if self._last - kept.time > KEPT_S:
-            self._release()
+        self._expire()
+        kept = self._kept
+        if kept is None or kept.next >= self._filled:
             return False
         kept.next = self._filled
         if not kept.filter.surprise(self._y_rows[row], self._observed_rows[row], self._last - kept.time) < EXPLAINS:
@@ -445,7 +447,7 @@ cdef class Search:
         cdef Track track, leader, best = None
         cdef double ahead
         cdef bint same, clear = True, over
-        if self._kept is not None and self._kept.next < self._filled and self._as_expected():
+        if self._as_expected():
             return True
         ready = [track for track in self.tracks
                  if track.count and (track is self.leader or track.next >= self._filled)]
