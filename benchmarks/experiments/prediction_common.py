@@ -36,13 +36,14 @@ LEARNING = (
     'gaussian_process.py',
     'model.py',
     'kernel.pyx',
+    'kernel.pxd',
     'blocks.h',
     'blocks_body.h',
 )
 #: Files beside that folder, and those that the weights of histories depend on as well.
 SHARED = ('alignment.py', 'effort/warping.py', 'effort/_warp.pyx')
 CORRECTING = ('histories.py', 'history_search.pyx', 'phase_style/corrected.py', 'phase_style/predictor.py',
-              'phase_style/search.pyx', 'phase_style/online.pyx', 'phase_style/gate.pyx')
+              'phase_style/search.pyx', 'phase_style/glance.pyx', 'phase_style/online.pyx', 'phase_style/gate.pyx')
 ROOT = Path(__file__).resolve().parents[2]
 OUTPUT = ROOT / 'docs' / 'results' / 'prediction'
 MODELS = ROOT / '.cache' / 'bench_models'

@@ -29,7 +29,7 @@ from prediction_common import (
 )
 
 from style_core.evaluation import coverage, error_deg2, future, mask_out, paper_horizons, roll_out
-from style_core.phase_style import bands, full, group_of, make_predictor, online, predictor, residual, search
+from style_core.phase_style import bands, full, glance, group_of, make_predictor, online, predictor, residual, search
 from style_core.report import Report
 
 #: constant -> values tried beside the shipped one; names in lower case are arguments of `online.InnovationMonitor`.
@@ -61,7 +61,7 @@ SEARCH = {
 BANDS = {'MOST': (2.5, 10.0), 'MEMORY_S': (5.0, 20.0), 'FAR_S': (25 / 60, 100 / 60)}
 SILENCE = {'GAP_S': (1.0, 4.0)}
 RELEARNED = ('MOST', 'MEMORY_S')
-MODULES = (search, predictor, online, bands, residual, full)
+MODULES = (search, glance, predictor, online, bands, residual, full)
 
 #: Shown of another person before a jump, watched after it at most, left after it at least, frames.
 BEFORE, AFTER, LEAST = 30, 120, 55

@@ -15,10 +15,11 @@ def record_path(package):
 
 
 def digests(package):
-    """Hash of every .pyx of a package with the headers beside it: dict of relative path to digest."""
+    """Hash of every .pyx of a package with the .h and .pxd beside it: dict of relative path to digest."""
     found = {}
     for path in sorted(package.rglob('*.pyx')):
-        texts = [path.read_bytes()] + [header.read_bytes() for header in sorted(path.parent.glob('*.h'))]
+        beside = sorted([*path.parent.glob('*.h'), *path.parent.glob('*.pxd')])
+        texts = [path.read_bytes()] + [other.read_bytes() for other in beside]
         found[path.relative_to(package).as_posix()] = hashlib.sha256(b'\0'.join(texts)).hexdigest()
     return found
 

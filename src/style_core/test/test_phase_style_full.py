@@ -10,6 +10,8 @@ from test_phase_style_learning import made_cycle, made_sequence
 from style_core.errors import ModelError
 from style_core.phase_style import FullPredictor, PaperPredictor, load_predictor, save_behaviours
 from style_core.phase_style.full import still_behaviour
+from style_core.phase_style.glance import Glance
+from style_core.phase_style.kernel import ArrowFilter, Filter
 from style_core.phase_style.learning import Sequence, align, bases_from, learn
 from style_core.phase_style.residual import learn_residual, leave_out
 from style_core.phase_style.search import BUDGET, CORRELATED, GLANCE_COST, MEMORY, START_COST, Track
@@ -266,24 +268,10 @@ def test_a_phase_that_stands_at_its_slowest_is_lost_whatever_the_innovations_say
     assert estimate.phase_velocity < 1.5 * walk.velocity[2]  # nothing else is there to take over
 
 
-class Told:
-    """A filter that says what it is told."""
-
-    rejected = 0
-
-    def __init__(self, seen):
-        self.seen = seen
-
-    def say(self, track, innovation, logs):
-        self.innovation, self.log_determinant = innovation, logs
-        track.judge()
-
-
 def judged(innovations, logs=0.0, tail=1e12, prior=0.0, seen=50):
-    one = Told(seen)
-    track = Track(0, one, 0, tail, prior)
+    track = Track(0, Filter(), 0, tail, prior)
     for innovation in innovations:
-        one.say(track, innovation, logs)
+        track.weigh(innovation, logs, seen)
     return track
 
 
@@ -447,46 +435,40 @@ def test_predictor_from_a_file_is_the_same(walk, jump, tmp_path):
                                   follow(FullPredictor([walk, jump]), y)[0])
 
 
-class Counted:
-    """Stands in for a filter or a glance and notes what its work costs."""
+DONE = []  # the work of an observation
 
-    def __init__(self, inner, done):
-        self._inner, self._done = inner, done
 
-    def __getattr__(self, name):
-        return getattr(self._inner, name)
-
+class CountedFilter(ArrowFilter):
     def update(self, *args):
-        self._done.append(('update', 1))
-        return self._inner.update(*args)
+        DONE.append(('update', 1))
+        return super().update(*args)
 
     def start(self, *args):
-        self._done.append(('start', START_COST))
-        return self._inner.start(*args)
+        DONE.append(('start', START_COST))
+        return super().start(*args)
 
-    def copy(self, other):
-        self._inner.copy(other._inner)
 
-    def peaks(self, y, observed, back, speeds):
-        self._done.append(('glance', GLANCE_COST * (1 + len(speeds))))
-        return self._inner.peaks(y, observed, back, speeds)
+class CountedGlance(Glance):
+    def peaks(self, y, observed, back, speeds, scores, phases):
+        DONE.append(('glance', GLANCE_COST * (1 + speeds)))
+        return super().peaks(y, observed, back, speeds, scores, phases)
 
 
 @pytest.mark.parametrize('rate', [60.0, 240.0])
-def test_work_on_one_observation_is_bounded(walk, jump, rate):
-    predictor, done = FullPredictor([walk, jump]), []
-    for things in (*predictor._pool, predictor._search.glances):
-        things[:] = [Counted(one, done) for one in things]
+def test_work_on_one_observation_is_bounded(walk, jump, rate, monkeypatch):
+    monkeypatch.setattr('style_core.phase_style.full.ArrowFilter', CountedFilter)
+    monkeypatch.setattr('style_core.phase_style.predictor.Glance', CountedGlance)
+    predictor = FullPredictor([walk, jump])
     predictor.reset()
     people = [made_person(f'n{k}_1', 5 + 0.4 * k, 0.2 * k, 50 + k, shift=2 * k, seconds=1.5, rate=rate)[0].y
               for k in range(5)]
     most, glances = 0, 0
     for frame, y in enumerate(np.concatenate(people)):
-        done.clear()
+        DONE.clear()
         searches = predictor._searching
         predictor.update(frame / rate, y)
-        work = sum(cost for _, cost in done)
+        work = sum(cost for _, cost in DONE)
         assert work <= BUDGET + 1e-9
-        assert ('update', 1) in done or (searches and rate > 60)
-        most, glances = max(most, work), glances + sum(what == 'glance' for what, _ in done)
+        assert ('update', 1) in DONE or (searches and rate > 60)
+        most, glances = max(most, work), glances + sum(what == 'glance' for what, _ in DONE)
     assert most > 2 and glances > 20  # it did search

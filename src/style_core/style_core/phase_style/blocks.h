@@ -9,6 +9,7 @@
 #include <math.h>
 #include <string.h>
 
+#define TWO_PI 6.283185307179586
 #define LANES 8
 #define MOST 60  /* common states, and residual states of a channel */
 
@@ -62,13 +63,14 @@ typedef struct {
     double information, score, squares, logs;
 } paper;
 
-/* Mean motion with variances (nodes + 1, width); the last samples by sample, y and whether seen (samples, width);
+/* Mean motion with variances (blocks, nodes, 8); the last samples by block, y and whether seen (blocks, samples, 8);
    whether a channel has any of them, and one over how many or 0. It only ranks, so all of it is in single precision. */
 typedef struct {
-    int blocks, width, samples;
+    int blocks, nodes, samples;
     const float *mean, *posture, *log_posture, *change;   /* inverse variances and log of the first */
     const float *y, *seen, *any, *over;
     float most;              /* that a channel's posture or change may cost */
+    float *totals;           /* scratch: (phases, 8) */
 } glance;
 
 #define NAME(x) x##_plain
@@ -108,7 +110,8 @@ static inline void paper_learn(paper *f, const cubic *at) { BEST(paper_learn, f,
 static inline void paper_ahead(const paper *f, const cubic *at, double extra, double phase_variance, double speed,
                                double *mean, double *std, double *velocity)
 { BEST(paper_ahead, f, at, extra, phase_variance, speed, mean, std, velocity); }
-static inline double glance_score(const glance *f, const int *node) { return BEST(glance_score, f, node); }
+static inline void glance_scores(glance *f, int count, const int *node, double *scores)
+{ BEST(glance_scores, f, count, node, scores); }
 static inline void between(double share, const double *a, const double *b, double *out, int n)
 { for (int k = 0; k < n; k++) out[k] = (1 - share) * a[k] + share * b[k]; }
 

@@ -499,27 +499,40 @@ static inline f8 NAME(least)(f8 x, float most)
     return (f8)(((i8)x & less) | ((i8)y & ~less));
 }
 
-/* Minus twice the log likelihood of the last samples at the given nodes, but for a constant. */
-static double NAME(glance_score)(const glance *f, const int *node)
+/* Minus twice the log likelihood of the last samples, but for a constant, at each of some phases: node (count, samples)
+   is where the samples lie. What belongs to a block is loaded once for all phases. */
+static void NAME(glance_scores)(glance *f, int count, const int *node, double *scores)
 {
-    const f8 *y = (const f8 *)f->y, *seen = (const f8 *)f->seen, *change = (const f8 *)f->change;
-    const f8 *any = (const f8 *)f->any, *over = (const f8 *)f->over;
-    const long here = (long)node[f->samples - 1] * f->blocks;
-    const f8 *posture = (const f8 *)f->posture + here, *log_posture = (const f8 *)f->log_posture + here;
-    f8 total = {};
+    const int samples = f->samples;
+    const float most = f->most;
+    f8 *totals = (f8 *)f->totals;
+    memset(totals, 0, count * sizeof(f8));
     for (int block = 0; block < f->blocks; block++) {
-        f8 first = {}, second = {};
-        for (int i = 0; i < f->samples; i++) {
-            const long at = (long)i * f->blocks + block;
-            f8 error = seen[at] * (y[at] - ((const f8 *)f->mean)[(long)node[i] * f->blocks + block]);
-            first += error;
-            second += error * error;
+        const f8 *y = (const f8 *)f->y + (long)block * samples, *seen = (const f8 *)f->seen + (long)block * samples;
+        const long first_node = (long)block * f->nodes;
+        const f8 *mean = (const f8 *)f->mean + first_node, *posture = (const f8 *)f->posture + first_node;
+        const f8 *log_posture = (const f8 *)f->log_posture + first_node;
+        const f8 change = ((const f8 *)f->change)[block], any = ((const f8 *)f->any)[block];
+        const f8 over = ((const f8 *)f->over)[block];
+        for (int p = 0; p < count; p++) {
+            const int *at = node + (long)p * samples;
+            const int here = at[samples - 1];
+            f8 first = {}, second = {};
+            for (int i = 0; i < samples; i++) {
+                const f8 error = seen[i] * (y[i] - mean[at[i]]);
+                first += error;
+                second += error * error;
+            }
+            const f8 average = first * over;
+            totals[p] += NAME(least)(average * average * posture[here], most) + any * log_posture[here]
+                + NAME(least)((second - first * average) * change, most);
         }
-        f8 average = first * over[block];
-        total += NAME(least)(average * average * posture[block], f->most) + any[block] * log_posture[block]
-            + NAME(least)((second - first * average) * change[block], f->most);
     }
-    return (double)(((total[0] + total[1]) + (total[2] + total[3])) + ((total[4] + total[5]) + (total[6] + total[7])));
+    for (int p = 0; p < count; p++) {
+        const f8 total = totals[p];
+        scores[p] = (double)(((total[0] + total[1]) + (total[2] + total[3]))
+                             + ((total[4] + total[5]) + (total[6] + total[7])));
+    }
 }
 
 #undef EACH

@@ -55,17 +55,6 @@ cdef extern from "blocks.h":
         double w[60]
         double spread[3600]
         double information, score, squares, logs
-    ctypedef struct glance:
-        int blocks, width, samples
-        const float *mean
-        const float *posture
-        const float *log_posture
-        const float *change
-        const float *y
-        const float *seen
-        const float *any
-        const float *over
-        float most
     void arrow_sense(arrow*, int) noexcept nogil
     void arrow_settle(arrow*) noexcept nogil
     void arrow_mean(const arrow*, const horizon*, double*, double*, double*) noexcept nogil
@@ -73,7 +62,6 @@ cdef extern from "blocks.h":
     void paper_sense(paper*, const cubic*, double, const double*, const unsigned char*) noexcept nogil
     void paper_learn(paper*, const cubic*) noexcept nogil
     void paper_ahead(const paper*, const cubic*, double, double, double, double*, double*, double*) noexcept nogil
-    double glance_score(const glance*, const int*) noexcept nogil
     void between(double, const double*, const double*, double*, int) noexcept nogil
 
 #: Time ahead and what is left of style, offset, personal cycle and fast residual after it.
@@ -82,19 +70,11 @@ cdef struct pace:
 
 cdef object empty = np.empty
 
-cdef double TWO_PI = 6.283185307179586
 #: Distance of the samples that the noise is a variance of, s: at higher rates it stays as dense in time.
 cdef double NOISE_STEP_S = 1 / 60.0 - 1e-6
 #: Standard deviations are evaluated at so many of the horizons, evenly chosen with both ends, and interpolated.
 cdef int KNOTS = 9
 cdef double LOG_TWO_PI = 1.8378770664093453
-cdef enum:
-    SAMPLES = 32  # that a glance can look at
-
-
-cdef inline double wrapped(double phase) noexcept nogil:
-    phase = phase - TWO_PI * floor(phase / TWO_PI)
-    return phase if phase < TWO_PI else 0.0
 
 
 cdef int cholesky(double* a, int n) noexcept nogil:
@@ -532,7 +512,39 @@ cdef int ALONE = 4
 cdef unsigned char MARKED = 2
 
 
-cdef class ArrowFilter:
+cdef class Filter:
+    """What a search asks of a filter; see `ArrowFilter`."""
+
+    cpdef start(self, double phase, double velocity, double phase_variance, double velocity_variance):
+        """Begin anew."""
+        raise NotImplementedError
+
+    cpdef copy(self, Filter of):
+        """Take over the state of another filter."""
+        raise NotImplementedError
+
+    cpdef believe(self, double limit=INFINITY, double few=0.0, double rest=INFINITY, bint whole=False):
+        """What to believe from now on."""
+        raise NotImplementedError
+
+    cpdef update(self, const double[::1] y, const unsigned char[::1] observed, double dt):
+        """Advance and take one observation."""
+        raise NotImplementedError
+
+    cpdef double surprise(self, const double[::1] y, const unsigned char[::1] observed, double ahead) except? -1:
+        """How unexpected a later observation is."""
+        raise NotImplementedError
+
+    @property
+    def phase(self):
+        return self.c[0]
+
+    @property
+    def velocity(self):
+        return self.c[1]
+
+
+cdef class ArrowFilter(Filter):
     """Extended Kalman filter over phase, phase velocity, style, and residual states of every channel.
 
     The common state is ``c = (phase, velocity, z)`` with the style ``w = w0 + S z``, z of J components with unit
@@ -570,9 +582,6 @@ cdef class ArrowFilter:
     """
 
     cdef readonly Table table
-    cdef readonly double innovation, log_likelihood
-    cdef readonly double log_determinant    # of the covariance of the last update's innovations
-    cdef readonly int seen, rejected    # joints that entered the last update, and those that were not believed
     cdef readonly object used
     cdef unsigned char[::1] _used
     cdef double limit, few, rest        # what is believed
@@ -589,7 +598,7 @@ cdef class ArrowFilter:
     cdef double[::1] memory, sums, rows
     cdef double[::1] horizons, paces    # of the last prediction; `planned` of them count
     cdef long planned
-    cdef double[::1] c, age, work
+    cdef double[::1] age, work, pose
     cdef double[:, ::1] P, precision, matrix
     cdef double log_precision   # of its determinant
     cdef int turn
@@ -625,7 +634,7 @@ cdef class ArrowFilter:
         for row, values in enumerate([noise, offset, fast, personal.sum(axis=0), *personal]):
             self._row(self.constants + row)[...] = 1.0 if row == 0 else 0.0   # channels that fill the last block up
             self._put(self.constants + row, values)
-        self.c, self.work = np.zeros(m), np.zeros(m)
+        self.c, self.work, self.pose = np.zeros(m), np.zeros(m), np.empty(2 * self.channels)
         self.believe()
         self.age = np.zeros(max(self.styles, 1))
         self.P, self.precision, self.matrix = (np.zeros((m, m)) for _ in range(3))
@@ -643,10 +652,10 @@ cdef class ArrowFilter:
         padded[:self.channels] = values
         self._row(row)[...] = padded.reshape(-1, LANES)
 
-    cdef double* _state(self, int block, int row) noexcept nogil:
+    cdef inline double* _state(self, int block, int row) noexcept nogil:
         return self.f.states + (<long>block * self.f.rows + row) * LANES
 
-    def believe(self, double limit=INFINITY, double few=0.0, double rest=INFINITY, bint whole=False):
+    cpdef believe(self, double limit=INFINITY, double few=0.0, double rest=INFINITY, bint whole=False):
         """What to believe from now on; everything, unless told.
 
         A channel whose innovation is more than ``limit`` of its standard deviations, and any beside it that is more than
@@ -667,10 +676,12 @@ cdef class ArrowFilter:
         """
         self.limit, self.few, self.rest, self.whole = limit, few, rest, whole
 
-    def start(self, double phase, double velocity, double phase_variance, double velocity_variance):
+    cpdef start(self, double phase, double velocity, double phase_variance, double velocity_variance):
         """Begin anew: style and residual states at their priors, a covariance of any correlation forgotten."""
-        cdef int a, d, k, block, lane, n = self.states
+        cdef int a, block, lane, n = self.states
         cdef int V = n * self.common
+        cdef double* own
+        cdef const double* prior
         self.c[:] = 0
         self.P[:, :] = 0
         for a in range(self.common):
@@ -680,14 +691,11 @@ cdef class ArrowFilter:
         self.age[:] = 0
         for block in range(self.f.blocks):
             memset(self._state(block, 0), 0, self.constants * LANES * sizeof(double))
-            for a in range(n):
+            for a in range(n):  # the fast residual's velocity has no row of its own
+                prior = self._state(block, self.constants + (2 if a == 2 else a + 1 if a < 2 else 4 + (a - 3) // 2))
+                own = self._state(block, V + a * (a + 1) // 2 + a)
                 for lane in range(LANES):
-                    if a == 2:
-                        self._state(block, V + 5)[lane] = \
-                            self._state(block, self.constants + 2)[lane] * self.fast_rate * self.fast_rate
-                    else:
-                        k = a + 1 if a < 2 else 4 + (a - 3) // 2
-                        self._state(block, V + a * (a + 1) // 2 + a)[lane] = self._state(block, self.constants + k)[lane]
+                    own[lane] = prior[lane] * (self.f.fast_rate2 if a == 2 else 1.0)
         self.innovation, self.log_likelihood = NAN, 0
         self.rejected = 0
         self.doubt[:, 0] = -1
@@ -696,8 +704,9 @@ cdef class ArrowFilter:
         self.turn = 0
         self._bound()
 
-    def copy(self, ArrowFilter other):
+    cpdef copy(self, Filter of):
         """Take over the state of another filter of the same behaviour."""
+        cdef ArrowFilter other = of
         self.memory[:] = other.memory
         self.c[:], self.P[:, :], self.precision[:, :] = other.c, other.P, other.precision
         self.age[:], self.doubt[:, :] = other.age, other.doubt
@@ -707,7 +716,7 @@ cdef class ArrowFilter:
         self._used[:] = other._used
         self.log_precision, self.fresh, self.rooted = other.log_precision, other.fresh, False
 
-    def surprise(self, const double[::1] y, const unsigned char[::1] observed, double ahead):
+    cpdef double surprise(self, const double[::1] y, const unsigned char[::1] observed, double ahead) except? -1:
         """Mean squared error of a later observation in predicted standard deviations, over channels not in doubt.
 
         Parameters
@@ -724,11 +733,12 @@ cdef class ArrowFilter:
         """
         cdef int d, count = 0
         cdef double error, total = 0
-        cdef double[:, ::1] mean, std
-        mean, std, _ = self.ahead(np.array([ahead]))
+        cdef double* mean = &self.pose[0]
+        cdef double* std = mean + self.channels
+        self._expect(ahead, mean, std)
         for d in range(self.channels):
             if observed[d] and self.doubt[d, 0] < 0:
-                error = (y[d] - mean[0, d]) / std[0, d]
+                error = (y[d] - mean[d]) / std[d]
                 total += error * error
                 count += 1
         return total / count if count else NAN
@@ -737,14 +747,6 @@ cdef class ArrowFilter:
     def state(self):
         """Mean of the common state, shape (2 + J,)."""
         return np.array(self.c)
-
-    @property
-    def phase(self):
-        return self.c[0]
-
-    @property
-    def velocity(self):
-        return self.c[1]
 
     @property
     def covariance(self):
@@ -769,7 +771,6 @@ cdef class ArrowFilter:
         """
         cdef int i, j, k, J = self.styles
         cdef double total, phase = self.c[0] + late * self.c[1]
-        cdef pace pace
         cdef Sheet sheet = Sheet(J, self.channels)
         for i in range(2):
             for j in range(2):
@@ -790,13 +791,19 @@ cdef class ArrowFilter:
                 for k in range(J):
                     total += root[i, k] * self.matrix[k, j]
                 sheet.covariance[i * J + j] = total
+        self._expect(late, sheet.mean, sheet.std)
+        return self._bounded(phase), self.c[1], *sheet.parts()
+
+    cdef int _expect(self, double ahead, double* mean, double* std) except -1:
+        """Pose some time after the last update and its standard deviation, each (D,)."""
+        cdef pace pace
         if not self.rooted and self._root():
             raise ArithmeticError('what was observed is too far from anything the model can represent')
-        self._decays(late, &pace)
+        self._decays(ahead, &pace)
         self._ahead(&pace, self.times)
-        arrow_mean(&self.f, self.times, sheet.mean, NULL, &self.rows[0])
-        arrow_spread(&self.f, self.times, 1, &self.rows[0], &sheet.std)
-        return self._bounded(phase), self.c[1], *sheet.parts()
+        arrow_mean(&self.f, self.times, mean, NULL, &self.rows[0])
+        arrow_spread(&self.f, self.times, 1, &self.rows[0], &std)
+        return 0
 
     @property
     def residuals(self):
@@ -840,7 +847,7 @@ cdef class ArrowFilter:
         self.log_precision = cholesky_inverse(&self.matrix[0, 0], &self.precision[0, 0], m)
         return 0
 
-    def update(self, const double[::1] y, const unsigned char[::1] observed, double dt):
+    cpdef update(self, const double[::1] y, const unsigned char[::1] observed, double dt):
         """Advance by ``dt`` seconds and take one observation; channels not observed are marginalised exactly.
 
         Parameters
@@ -1034,19 +1041,28 @@ cdef class ArrowFilter:
     cdef int _mark(self, double squares, bint first) noexcept nogil:
         """Mark channels in ``used`` whose error has more than so many squared standard deviations; returns how many."""
         cdef int d, i, j, found = 0, m = self.common
-        cdef int inverse = self.constants - 2, error = inverse + 1, g = inverse - self.states - m  # rows of a block
-        cdef double size, variance
+        cdef int inverse = self.constants - 2  # row of a block; the error's follows, those of the derivatives lie before
+        cdef double size, variance, part
+        cdef const double* cell
+        cdef const double* g
+        cdef const double* P = &self.P[0, 0]
         for d in range(self.channels):
-            size = self._cell(d, error)[0] * self._cell(d, error)[0]
-            if (self._used[d] == 1 and (self.whole or first or self.doubt[d, 0] >= 0)
-                    and size * self._cell(d, inverse)[0] > squares):
-                variance = 1 / self._cell(d, inverse)[0]
-                for i in range(m):
-                    for j in range(m):
-                        variance += self._cell(d, g + i)[0] * self.P[i, j] * self._cell(d, g + j)[0]
-                if size > squares * variance:
-                    self._used[d] = MARKED
-                    found += 1
+            if self._used[d] != 1 or not (self.whole or first or self.doubt[d, 0] >= 0):
+                continue
+            cell = self._cell(d, inverse)
+            size = cell[LANES] * cell[LANES]
+            if not size * cell[0] > squares:
+                continue
+            g = cell - (self.states + m) * LANES
+            variance = 1 / cell[0]
+            for i in range(m):
+                part = 0
+                for j in range(m):
+                    part += P[i * m + j] * g[j * LANES]
+                variance += g[i * LANES] * part
+            if size > squares * variance:
+                self._used[d] = MARKED
+                found += 1
         return found
 
     cdef bint _doubt(self, double dt) noexcept nogil:
@@ -1087,7 +1103,7 @@ cdef class ArrowFilter:
                 self.doubting = True
         return changed
 
-    cdef double* _cell(self, int channel, int row) noexcept nogil:
+    cdef inline double* _cell(self, int channel, int row) noexcept nogil:
         return self._state(channel // LANES, row) + channel % LANES
 
     def predict(self, const double[::1] horizons, double[:, ::1] mean, double[:, ::1] std,
@@ -1200,150 +1216,3 @@ cdef class ArrowFilter:
         x.offset_rate, x.personal_rate, x.style_rate = self.offset_rate, self.personal_rate, self.style_rate
         x.q_offset, x.q_fast = 1 - g0 * g0, 1 - x.s[1] * x.s[1] - r2 * x.s[2] * x.s[2]
         x.q_personal, x.wander = 1 - gp * gp, self.acceleration * ahead * ahead * ahead / 3
-
-
-cdef class PhaseRanking:
-    """Rank phases at a quick glance: how well a mean motion explains the last samples.
-
-    The deviation from the mean motion is split for every channel into its average over the samples (posture and
-    style) and the rest (change), each Gaussian; channels are taken as independent.
-
-    Parameters
-    ----------
-    mean : ndarray, shape (N + 1, D)
-        Mean motion at equidistant phases.
-    posture : ndarray, shape (N + 1, D)
-        Variance of the average deviation.
-    change : ndarray, shape (D,)
-        Variance of the rest.
-    rhythmic : bool
-    limit : float
-        Of the deviations, in standard deviations: farther off counts as this far.
-    """
-
-    cdef int nodes, channels
-    cdef bint rhythmic
-    cdef glance f
-    cdef float[::1] tables, samples
-    cdef double[::1] log_change, scores
-
-    def __init__(self, mean, posture, change, bint rhythmic, double limit=INFINITY):
-        cdef Py_ssize_t size, width
-        self.f.most = limit * limit
-        self.nodes, self.channels, self.rhythmic = mean.shape[0] - 1, mean.shape[1], rhythmic
-        self.f.blocks = (self.channels + LANES - 1) // LANES
-        self.f.width = width = self.f.blocks * LANES
-        size = (self.nodes + 1) * width
-        self.tables = aligned_single(3 * size + width)
-        for k, values in enumerate([mean, 1 / posture, np.log(posture), 1 / change[None]]):
-            np.asarray(self.tables)[k * size:k * size + len(values) * width].reshape(-1, width)[
-                :, :self.channels] = values
-        self.f.mean, self.f.posture = &self.tables[0], &self.tables[size]
-        self.f.log_posture, self.f.change = &self.tables[2 * size], &self.tables[3 * size]
-        self.log_change = np.log(change)
-        self.samples = aligned_single((2 * SAMPLES + 2) * width)
-        self.f.any, self.f.over = &self.samples[0], &self.samples[width]
-        self.f.y, self.f.seen = &self.samples[2 * width], &self.samples[(2 + SAMPLES) * width]
-
-    def rank(self, const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back,
-             double velocity, const double[::1] phases):
-        """Log likelihoods of phases.
-
-        Parameters
-        ----------
-        y : ndarray, shape (S, D)
-            The last samples, S at most 32.
-        observed : ndarray of uint8, shape (S, D)
-        back : ndarray, shape (S,)
-            Time from each sample to the last one, s.
-        velocity : float
-            Assumed phase velocity.
-        phases : ndarray, shape (P,)
-            Assumed phases at the last sample.
-
-        Returns
-        -------
-        ndarray, shape (P,)
-        """
-        scores = np.empty(phases.shape[0])
-        self._rank(back, velocity, phases, scores, self._take(y, observed))
-        return scores
-
-    def peaks(self, const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back,
-              velocities, const double[::1] phases, int most):
-        """The best of neighbouring phases at each of some velocities.
-
-        ``phases`` go once around a rhythmic motion, from start to goal of another.
-
-        Returns
-        -------
-        list of list of (float, float)
-            For each velocity at most ``most`` peaks, best first: log likelihood a sample, phase.
-        """
-        cdef int k, count = phases.shape[0]
-        cdef double left, right, constant = self._take(y, observed)
-        if self.scores is None or self.scores.shape[0] != count:
-            self.scores = np.empty(count)
-        result = []
-        for velocity in velocities:
-            self._rank(back, velocity, phases, self.scores, constant)
-            found = []
-            for k in range(count):
-                left = right = -INFINITY
-                if count > 1 and (self.rhythmic or k > 0):
-                    left = self.scores[k - 1 if k else count - 1]
-                if count > 1 and (self.rhythmic or k < count - 1):
-                    right = self.scores[k + 1 if k < count - 1 else 0]
-                if self.scores[k] >= left and self.scores[k] > right:
-                    found.append((self.scores[k] / y.shape[0], phases[k]))
-            found.sort(reverse=True)
-            result.append(found[:most])
-        return result
-
-    cdef double _take(self, const double[:, ::1] y, const unsigned char[:, ::1] observed) except *:
-        """Lay out the samples; returns the part of -2 log likelihood that no phase changes."""
-        cdef int k, d, samples = y.shape[0]
-        cdef long width = self.f.width
-        cdef double count, constant = 0
-        if samples > SAMPLES:
-            raise ValueError(f'at most {SAMPLES} samples, got {samples}')
-        self.f.samples = samples
-        with nogil:
-            for d in range(self.channels):
-                count = 0
-                for k in range(samples):
-                    self.samples[(2 + k) * width + d] = y[k, d] if observed[k, d] else 0
-                    self.samples[(2 + SAMPLES + k) * width + d] = 1 if observed[k, d] else 0
-                    count += observed[k, d] != 0
-                self.samples[d] = 1 if count else 0
-                self.samples[width + d] = 1 / count if count else 0
-                if count:
-                    constant += (count - 1) * self.log_change[d]
-        return constant
-
-    cdef _rank(self, const double[::1] back, double velocity, const double[::1] phases, double[::1] scores,
-               double constant):
-        cdef int p, k
-        cdef double at, rate = self.nodes / TWO_PI if self.rhythmic else self.nodes
-        cdef int node[SAMPLES]
-        cdef double shift[SAMPLES]  # of the samples from the last one, in nodes
-        with nogil:
-            for k in range(self.f.samples):
-                shift[k] = -velocity * back[k]
-                shift[k] = rate * (wrapped(shift[k]) if self.rhythmic else shift[k])
-            for p in range(phases.shape[0]):
-                at = rate * (wrapped(phases[p]) if self.rhythmic else phases[p])
-                for k in range(self.f.samples):
-                    node[k] = self._node(at + shift[k])
-                scores[p] = -0.5 * (glance_score(&self.f, node) + constant)
-
-    cdef inline int _node(self, double at) noexcept nogil:
-        """The node nearest to a place, which is at most once around, or clamped."""
-        if self.rhythmic:
-            if at >= self.nodes:
-                at -= self.nodes
-        elif at < 0:
-            at = 0
-        elif at > self.nodes:
-            at = self.nodes
-        return <int>(at + 0.5)

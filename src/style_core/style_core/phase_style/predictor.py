@@ -7,9 +7,10 @@ from style_core.errors import ModelError
 from style_core.phase_style.bands import Bands
 from style_core.phase_style.full import PARTS, filter_table, gaits_of, make_filter, still_behaviour, style_prior
 from style_core.phase_style.gate import ObservationGate
+from style_core.phase_style.glance import Glance
 from style_core.phase_style.kernel import Table
 from style_core.phase_style.online import GAP_S, InnovationMonitor
-from style_core.phase_style.search import BUDGET, LIVE, Glance, Search
+from style_core.phase_style.search import BUDGET, LIMIT, LIVE, Search
 from style_core.predictor import Estimate, Prediction, Status
 
 __all__ = ['FullPredictor']
@@ -51,7 +52,7 @@ class FullPredictor:
         glances = []
         for behaviour in behaviours:
             table = filter_table(behaviour, without)
-            glances.append(Glance(behaviour, table, rejects))
+            glances.append(Glance(behaviour, table, LIMIT if rejects else math.inf))
             self._priors.append(style_prior(behaviour.styles, behaviour.groups,
                                             1e4 if 'prior' in without else behaviour.residual.style_scale))
             table = Table(table)

@@ -3,9 +3,10 @@ import numpy as np
 
 from libc.math cimport INFINITY, M_PI, NAN, exp, fabs, floor, isnan, log, log1p
 
-from style_core.phase_style.kernel import PhaseRanking
+from style_core.phase_style.glance cimport Glance
+from style_core.phase_style.kernel cimport Filter
 
-__all__ = ['BUDGET', 'GLANCE_COST', 'LIVE', 'START_COST', 'Glance', 'Search', 'Track']
+__all__ = ['BUDGET', 'GLANCE_COST', 'LIMIT', 'LIVE', 'START_COST', 'Search', 'Track']
 
 #: Samples kept for starting a hypothesis in the past, samples a glance looks at, and their smallest distance, s.
 WINDOW = 10
@@ -23,9 +24,6 @@ REPLAY = 4
 #: Best phases kept of a glance, and how long they count, s.
 PEAKS = 3
 STALE_S = 0.15
-#: Phases tried a behaviour, and speeds as multiples of the training spread around the mean.
-PHASES = 32
-SPEEDS = (0.0, -1.2, 1.2, 2.4)
 #: Weight of the past, a sample, when hypotheses are compared by the likelihood of what they saw.
 MEMORY = 0.85
 #: Successive innovations of one filter repeat each other: so many count as one when hypotheses are compared.
@@ -52,38 +50,13 @@ ANEW = 2
 KEPT_S, HOLD_S = 0.25, 0.05
 
 
-class Glance:
-    """Quick ranking of phases of one behaviour: its mean motion with two variances (see `PhaseRanking`)."""
-
-    def __init__(self, behaviour, table, bint rejects=True):
-        residual = behaviour.residual
-        self.behaviour = behaviour
-        posture = np.sum(table.values[:, 1:] ** 2, axis=1) + residual.offset + residual.fast + residual.personal
-        change = residual.fast + residual.noise + 0.5 * residual.personal
-        self._ranking = PhaseRanking(table.values[:, 0], posture, change, behaviour.rhythmic,
-                                     LIMIT if rejects else INFINITY)
-        mean, spread, low, high = behaviour.velocity
-        if high <= 0:
-            self.phases, self.speeds, self.width = np.zeros(1), [0.0], 0.1
-        elif behaviour.rhythmic:
-            self.phases = np.arange(PHASES) * 2 * np.pi / PHASES
-            self.speeds = [min(max(mean + factor * spread, low), high) for factor in SPEEDS]
-            self.width = 2 * np.pi / PHASES
-        else:
-            self.phases, self.speeds, self.width = np.arange(PHASES) / PHASES, [mean], 1 / PHASES
-
-    def peaks(self, y, observed, back, speeds):
-        """The best phases at the last sample with each speed, peaks of the score: lists of (score, phase)."""
-        return self._ranking.peaks(y, observed, back, speeds, self.phases, PEAKS)
-
-
 cdef class Track:
     """A hypothesis: a filter, how far it has come, and how well it explained what it saw.
 
     Parameters
     ----------
     behaviour : int
-    one : ArrowFilter
+    one : Filter
     first : int
         The sample it starts from.
     tail : float
@@ -94,7 +67,7 @@ cdef class Track:
     """
 
     cdef readonly int behaviour
-    cdef readonly object filter
+    cdef readonly Filter filter
     cdef public long next
     cdef public double time         # of the last update, s; NaN before the first
     # fading sums over samples: 1, innovation a joint that is believed and of all, joints, log det of their covariance
@@ -103,7 +76,7 @@ cdef class Track:
     cdef double last            # innovation a joint of the last sample, of all
     cdef readonly int count
 
-    def __init__(self, int behaviour, one, long first, double tail, double prior=0.0):
+    def __init__(self, int behaviour, Filter one, long first, double tail, double prior=0.0):
         self.behaviour, self.filter, self.next, self.time = behaviour, one, first, NAN
         self.tail, self.prior = tail, prior
         self.judge_anew()
@@ -112,24 +85,38 @@ cdef class Track:
         """Forget how well it did."""
         self.weight, self.misfit, self.cost, self.seen, self.logs, self.count = 0.0, 0.0, 0.0, 0.0, 0.0, 0
 
-    cpdef take(self, double time, y, observed):
+    cpdef take(self, double time, const double[::1] y, const unsigned char[::1] observed):
         """Update with a sample."""
         self.filter.update(y, observed, 0.0 if isnan(self.time) else max(time - self.time, 0.0))
         self.time = time
 
     cpdef judge(self):
         """Take the filter's last update into account."""
-        cdef double innovation = self.filter.innovation, seen = self.filter.seen, rejected = self.filter.rejected
+        self.weigh(self.filter.innovation, self.filter.log_determinant, self.filter.seen, self.filter.rejected)
+
+    cpdef weigh(self, double innovation, double logs, int seen, int rejected=0):
+        """Take an update into account.
+
+        Parameters
+        ----------
+        innovation : float
+            Squared innovation a joint that was believed.
+        logs : float
+            Log of the determinant of the innovations' covariance.
+        seen, rejected : int
+            Joints that were believed, and that were not.
+        """
+        cdef double memory = MEMORY, limit = LIMIT * LIMIT
         if seen + rejected == 0:
             return
         if seen == 0:
-            innovation = LIMIT * LIMIT
-        self.last = (innovation * seen + LIMIT * LIMIT * rejected) / (seen + rejected)
-        self.logs = MEMORY * self.logs + <double>self.filter.log_determinant
-        self.misfit = MEMORY * self.misfit + self._tailed(innovation)
-        self.cost = MEMORY * self.cost + self._tailed(self.last)
-        self.seen = MEMORY * self.seen + seen + rejected
-        self.weight = MEMORY * self.weight + 1.0
+            innovation = limit
+        self.last = (innovation * seen + limit * rejected) / (seen + rejected)
+        self.logs = memory * self.logs + logs
+        self.misfit = memory * self.misfit + self._tailed(innovation)
+        self.cost = memory * self.cost + self._tailed(self.last)
+        self.seen = memory * self.seen + seen + rejected
+        self.weight = memory * self.weight + 1.0
         self.count += 1
 
     cdef double _tailed(self, double innovation):
@@ -143,7 +130,7 @@ cdef class Track:
 
     cpdef double lead(self, Track other):
         """Nats by which it explains the last samples better than another."""
-        return ((self._score() - other._score()) * min(self.weight, other.weight) / CORRELATED
+        return ((self._score() - other._score()) * min(self.weight, other.weight) / <double>CORRELATED
                 + self.prior - other.prior)
 
 
@@ -186,14 +173,16 @@ cdef class Search:
     cdef list _pool, _free
     cdef bint _single, _rejects
     cdef list _slices           # of each part of a glance: (behaviour, speed)
-    cdef list _found            # its peaks of the last glance
+    cdef double[:, ::1] _score, _phase  # its peaks of the last glance (parts, peaks), see `Glance.peaks`
     cdef double[::1] _stamps    # and when that was, s
+    cdef double[::1] _back      # time of each sample to the last one, s; scratch
     cdef int _turn              # behaviour to glance at next
     cdef Track _kept            # a leader that did not take in what called this search, as it was
     cdef int _anew              # times in a row that the search began anew
     cdef list _slot             # of each behaviour: its first part
     cdef object _y, _observed, _times
-    cdef list _y_rows, _observed_rows
+    cdef double[:, ::1] _samples
+    cdef unsigned char[:, ::1] _flags
     cdef double[::1] _time
     cdef long _filled           # samples stored
     cdef long _first            # the first of them that this search may use
@@ -212,6 +201,8 @@ cdef class Search:
         self._slices = [(index, speed) for index, glance in enumerate(glances) for speed in glance.speeds]
         self._slot = [self._slices.index((index, glance.speeds[0])) for index, glance in enumerate(glances)]
         self._stamps = np.empty(len(self._slices))
+        self._score, self._phase = np.empty((2, len(self._slices), PEAKS))
+        self._back = np.empty(WINDOW)
         self._spread = np.array([behaviour.velocity[1] for behaviour in behaviours], dtype=float)
         self._tail = np.array([behaviour.residual.check_weight for behaviour in behaviours], dtype=float)
         self._width = np.array([glance.width if len(glance.phases) > 1 else INFINITY for glance in glances])
@@ -221,7 +212,7 @@ cdef class Search:
         self._y = np.zeros((8 * WINDOW, channels))
         self._observed = np.zeros((8 * WINDOW, channels), dtype=np.uint8)
         self._times = np.zeros(8 * WINDOW)
-        self._y_rows, self._observed_rows, self._time = list(self._y), list(self._observed), self._times
+        self._samples, self._flags, self._time = self._y, self._observed, self._times
         self.reset()
 
     def reset(self):
@@ -237,7 +228,6 @@ cdef class Search:
 
     cdef _clear(self):
         self.since = 0.0
-        self._found = [[]] * len(self._slices)
         self._stamps[:] = -INFINITY
 
     def again(self):
@@ -258,6 +248,7 @@ cdef class Search:
     cdef _keep(self):
         """A leader that refused what called this search stays as it is; a copy takes its place."""
         cdef Track old = self.leader
+        cdef Filter one
         self._expire()
         if self._kept is not None or old.filter.seen or not self._rejects:
             return
@@ -292,39 +283,44 @@ cdef class Search:
         if kept is None or kept.next >= self._filled:
             return False
         kept.next = self._filled
-        if not kept.filter.surprise(self._y_rows[row], self._observed_rows[row], self._last - kept.time) < EXPLAINS:
+        if not kept.filter.surprise(self._samples[row], self._flags[row], self._last - kept.time) < EXPLAINS:
             return False
         self._kept = None
         self.tracks.append(kept)
         self.leader = kept
-        kept.take(self._last, self._y_rows[row], self._observed_rows[row])
+        kept.take(self._last, self._samples[row], self._flags[row])
         kept.judge_anew()
         kept.judge()
         self._end()
         return True
 
-    def store(self, double time, y, seen):
+    def store(self, double time, const double[::1] y, const unsigned char[::1] seen):
         """Keep an observation if it is far enough from the last one and not empty; returns whether it was."""
-        cdef long row
-        if (self._filled and time - self._last < SPACING_S) or not any(seen.tobytes()):
+        cdef long row, d, count = 0
+        for d in range(seen.shape[0]):
+            count += seen[d]
+        if (self._filled and time - self._last < SPACING_S) or count == 0:
             return False
         row = self._filled - self._base
-        if row == len(self._y):
+        if row == self._samples.shape[0]:
             for memory in (self._y, self._observed, self._times):
                 memory[:WINDOW] = memory[-WINDOW:]
             self._base = self._filled - WINDOW
             row = WINDOW
-        self._y_rows[row][:] = y
-        self._observed_rows[row][:] = seen
+        self._samples[row, :] = y
+        self._flags[row, :] = seen
         self._time[row] = self._last = time
         self._filled += 1
         return True
 
-    cpdef window(self):
-        """The last samples of this search, oldest first: observations, what of them counts, rows they are kept in."""
-        cdef long stop = self._filled - self._base
-        rows = slice(stop - min(self._filled - self._first, WINDOW, GLANCE), stop)
-        return self._y[rows], self._observed[rows], rows
+    def window(self):
+        """The last samples of this search, oldest first: observations, and what of them counts."""
+        rows = slice(self._oldest(), self._filled - self._base)
+        return self._y[rows], self._observed[rows]
+
+    cdef long _oldest(self):
+        """Row of the first sample to glance at."""
+        return self._filled - self._base - min(self._filled - self._first, <long>WINDOW, <long>GLANCE)
 
     def step(self, double budget):
         """Glance at a hypothesis, start the best, and let those that run catch up.
@@ -347,32 +343,34 @@ cdef class Search:
 
     cdef double _look(self, double budget):
         """Glance at one behaviour after the other, all speeds at a time; returns the budget left."""
-        cdef int index
-        cdef double cost
-        y, observed, rows = self.window()
-        back = self._last - self._times[rows]
-        if len(y) == 1:
+        cdef int index, speeds
+        cdef double cost, each = GLANCE_COST, start = START_COST
+        if self._filled - self._first == 1:
             # one sample says nothing about speed: every behaviour with its mean speed, if one update can still follow
-            cost = 2 * GLANCE_COST
+            cost = 2 * each
             for index in range(len(self.glances)):
-                if budget < cost + (START_COST + 1 if index else 0):
+                if budget < cost + (start + 1 if index else 0):
                     break
-                self._glance(index, y, observed, back, 1)
+                self._glance(index, 1)
                 budget -= cost
             return budget
-        cost = GLANCE_COST * (1 + len(self.glances[self._turn].speeds))
+        speeds = len((<Glance>self.glances[self._turn]).speeds)
+        cost = each * (1 + speeds)
         if budget < cost:
             return budget
-        self._glance(self._turn, y, observed, back, len(self.glances[self._turn].speeds))
+        self._glance(self._turn, speeds)
         self._turn = (self._turn + 1) % len(self.glances)
         return budget - cost
 
-    cdef _glance(self, int index, y, observed, back, int speeds):
-        cdef Py_ssize_t slot
-        glance = self.glances[index]
-        for slot, found in enumerate(glance.peaks(y, observed, back, glance.speeds[:speeds]), self._slot[index]):
-            self._found[slot] = found
-            self._stamps[slot] = self._last
+    cdef _glance(self, int index, int speeds):
+        cdef Glance glance = self.glances[index]
+        cdef long k, first = self._oldest(), stop = self._filled - self._base
+        cdef int slot = self._slot[index]
+        for k in range(first, stop):
+            self._back[k - first] = self._last - self._time[k]
+        glance.peaks(self._samples[first:stop], self._flags[first:stop], self._back[:stop - first], speeds,
+                     self._score[slot:], self._phase[slot:])
+        self._stamps[slot:slot + speeds] = self._last
 
     cdef double _catch_up(self, double budget):
         """Update hypotheses with samples they have not seen; returns the budget left."""
@@ -387,7 +385,7 @@ cdef class Search:
             if best is None:
                 break
             row = best.next - self._base
-            best.take(self._time[row], self._y_rows[row], self._observed_rows[row])
+            best.take(self._time[row], self._samples[row], self._flags[row])
             best.judge()
             best.next += 1
             budget -= 1
@@ -395,17 +393,21 @@ cdef class Search:
 
     cdef double _start_candidates(self, int live, double budget):
         """Start the best that was seen at a glance and is not running yet; returns the budget left."""
-        cdef double now = self._last, at, speed, spread
-        cdef int slot, index
+        cdef double now = self._last, at, speed, spread, start = START_COST, stale = STALE_S
+        cdef int slot, index, k
         cdef long first
+        cdef Filter one
+        cdef Glance glance
+        if len(self.tracks) >= live or budget < start + 1:  # an update must be left
+            return budget
         order = []
-        for slot in range(len(self._slices)):
-            if now - self._stamps[slot] < STALE_S:
-                for score, phase in self._found[slot]:
-                    order.append((score, slot, phase))
+        for slot in range(self._stamps.shape[0]):
+            for k in range(self._score.shape[1]):
+                if now - self._stamps[slot] < stale and not isnan(self._score[slot, k]):
+                    order.append((self._score[slot, k], slot, self._phase[slot, k]))
         order.sort(reverse=True)
         for _, slot, phase in order:
-            if len(self.tracks) >= live or budget < START_COST + 1:  # an update must be left
+            if len(self.tracks) >= live or budget < start + 1:
                 break
             index, speed = self._slices[slot]
             at = phase + speed * (now - self._stamps[slot])
@@ -420,7 +422,7 @@ cdef class Search:
                       spread ** 2 * (0.5 if len(glance.speeds) > 1 else 1.0))
             self.tracks.append(Track(index, one, first, self._tail[index],
                                      -0.5 * ((speed - glance.speeds[0]) / spread) ** 2))
-            budget -= START_COST
+            budget -= start
         return budget
 
     cdef bint _runs(self, int index, double phase, double speed):
@@ -435,12 +437,12 @@ cdef class Search:
         cdef double difference
         if track.behaviour != index:
             return False
-        difference = <double>track.filter.phase - phase
+        difference = track.filter.c[0] - phase
         if self._rhythmic[index]:
             difference -= 2 * M_PI * floor((difference + M_PI) / (2 * M_PI))
         return self._width[index] == INFINITY or (
             fabs(difference) < 2 * self._width[index]
-            and fabs(<double>track.filter.velocity - speed) < self._spread[index])
+            and fabs(track.filter.c[1] - speed) < self._spread[index])
 
     def settle(self):
         """Choose the leader, give up what is far behind; returns True when it is decided and the search is over."""
@@ -474,7 +476,7 @@ cdef class Search:
             if track is leader:
                 continue
             ahead = leader.lead(track)
-            same = ahead > 0 and self._near(leader, track.behaviour, track.filter.phase, track.filter.velocity)
+            same = ahead > 0 and self._near(leader, track.behaviour, track.filter.c[0], track.filter.c[1])
             if track.count >= 3 and (ahead > GIVE_UP or same or (track.count >= PATIENCE and ahead > 0)):
                 self._drop(track)
             else:
@@ -488,7 +490,7 @@ cdef class Search:
     cdef _end(self):
         self._drop_others()
         if self._rejects:
-            self.leader.filter.believe(LIMIT, FEW, EXPLAINS, whole=True)
+            self.leader.filter.believe(LIMIT, FEW, EXPLAINS, True)
 
     cdef _drop_others(self):
         for track in list(self.tracks):
