@@ -31,6 +31,7 @@ typedef struct { const cell *here, *next; double h[8]; } cubic;
    1 / S, error, then constants: noise, offset, fast, sum of personal, personal (K). */
 typedef struct {
     int m, n, harmonics, blocks, channels, width, rows, third;
+    int blank;               /* the states are to be at their priors, but the memory has not been filled in */
     double *states;
     double *sums;            /* (m (m + 1) / 2 + m + 1, 4): G^T S^-1 G, G^T S^-1 e, e^T S^-1 e */
     double logs;             /* log det S */
@@ -97,6 +98,7 @@ static int has_avx2(void)
 #endif
 
 static inline void arrow_sense(arrow *f, int step) { BEST(arrow_sense, f, step); }
+static inline void arrow_fill(arrow *f) { BEST(arrow_fill, f); }
 static inline void arrow_settle(arrow *f) { BEST(arrow_settle, f); }
 static inline void arrow_mean(const arrow *f, const horizon *x, double *mean, double *velocity, double *rows)
 { BEST(arrow_mean, f, x, mean, velocity, rows); }

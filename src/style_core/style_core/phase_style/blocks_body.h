@@ -65,6 +65,28 @@ static inline v4 NAME(root)(v4 x)
     return y;
 }
 
+/* States of a block at their priors, and independent of the common state. */
+static inline void NAME(arrow_blank)(const arrow *f, double *A, double *V, const double *constants)
+{
+    memset(A, 0, (char *)constants - (char *)A);
+    for (int a = 0; a < f->n; a++) {
+        const v4 *prior = CROW(constants, a == 0 ? 1 : a < 3 ? 2 : 4 + (a - 3) / 2);
+        const double scale = a == 2 ? f->fast_rate2 : 1.0;  /* the fast residual's velocity */
+        EACH ROW(V, TRI(a, a))[k] = scale * prior[k];
+    }
+}
+
+/* The same of all blocks. */
+static void NAME(arrow_fill)(arrow *f)
+{
+    const int n = f->n, constants = f->rows - 4 - f->harmonics;
+    for (int block = 0; block < f->blocks; block++) {
+        double *A = f->states + (long)block * f->rows * LANES;
+        NAME(arrow_blank)(f, A, A + LANES * n * f->m, A + LANES * constants);
+    }
+    f->blank = 0;
+}
+
 /* Time step of a block: V <- G (V + A N A^T) G^T + Q and A <- G A M, u <- G u. */
 static inline void NAME(arrow_step)(const arrow *f, double *A, double *V, double *u, const double *constants)
 {
@@ -155,6 +177,8 @@ static void NAME(arrow_sense)(arrow *f, int step)
         const double *constants = (double *)(error + 2);
         const int left = f->channels - block * LANES;
         v4 row[2], slope[2], total[2], seen[2], clean[2];
+        if (f->blank)
+            NAME(arrow_blank)(f, A, V, constants);
         if (step)
             NAME(arrow_step)(f, A, V, u, constants);
         {   /* the expected observation and its derivatives */
@@ -233,6 +257,7 @@ static void NAME(arrow_sense)(arrow *f, int step)
         }
     }
     f->worst = fmax(fmax(worst[0], worst[1]), fmax(worst[2], worst[3]));
+    f->blank = 0;
 }
 
 /* Residual states given the new common state. */

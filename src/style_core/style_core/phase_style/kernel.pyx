@@ -12,7 +12,7 @@ import numpy as np
 
 from libc.math cimport INFINITY, NAN, cos, exp, floor, log, sin, sqrt
 from libc.stdint cimport uintptr_t
-from libc.string cimport memcmp, memcpy, memset
+from libc.string cimport memcmp, memcpy
 
 cdef extern from "blocks.h":
     enum: LANES, MOST
@@ -22,7 +22,7 @@ cdef extern from "blocks.h":
         const cell *next
         double h[8]
     ctypedef struct arrow:
-        int m, n, harmonics, blocks, channels, width, rows, third
+        int m, n, harmonics, blocks, channels, width, rows, third, blank
         double *states
         double *sums
         double logs, worst
@@ -56,6 +56,7 @@ cdef extern from "blocks.h":
         double spread[3600]
         double information, score, squares, logs
     void arrow_sense(arrow*, int) noexcept nogil
+    void arrow_fill(arrow*) noexcept nogil
     void arrow_settle(arrow*) noexcept nogil
     void arrow_mean(const arrow*, const horizon*, double*, double*, double*) noexcept nogil
     void arrow_spread(const arrow*, const horizon*, int, const double*, double**) noexcept nogil
@@ -678,10 +679,7 @@ cdef class ArrowFilter(Filter):
 
     cpdef start(self, double phase, double velocity, double phase_variance, double velocity_variance):
         """Begin anew: style and residual states at their priors, a covariance of any correlation forgotten."""
-        cdef int a, block, lane, n = self.states
-        cdef int V = n * self.common
-        cdef double* own
-        cdef const double* prior
+        cdef int a
         self.c[:] = 0
         self.P[:, :] = 0
         for a in range(self.common):
@@ -689,13 +687,7 @@ cdef class ArrowFilter(Filter):
         self.c[0], self.c[1] = phase, velocity
         self.P[0, 0], self.P[1, 1] = phase_variance, velocity_variance
         self.age[:] = 0
-        for block in range(self.f.blocks):
-            memset(self._state(block, 0), 0, self.constants * LANES * sizeof(double))
-            for a in range(n):  # the fast residual's velocity has no row of its own
-                prior = self._state(block, self.constants + (2 if a == 2 else a + 1 if a < 2 else 4 + (a - 3) // 2))
-                own = self._state(block, V + a * (a + 1) // 2 + a)
-                for lane in range(LANES):
-                    own[lane] = prior[lane] * (self.f.fast_rate2 if a == 2 else 1.0)
+        self.f.blank = 1  # the first update fills the states in: they may lie in no cache
         self.innovation, self.log_likelihood = NAN, 0
         self.rejected = 0
         self.doubt[:, 0] = -1
@@ -707,6 +699,8 @@ cdef class ArrowFilter(Filter):
     cpdef copy(self, Filter of):
         """Take over the state of another filter of the same behaviour."""
         cdef ArrowFilter other = of
+        other._fill()
+        self.f.blank = 0
         self.memory[:] = other.memory
         self.c[:], self.P[:, :], self.precision[:, :] = other.c, other.P, other.precision
         self.age[:], self.doubt[:, :] = other.age, other.doubt
@@ -808,12 +802,14 @@ cdef class ArrowFilter(Filter):
     @property
     def residuals(self):
         """Mean of the residual states, shape (3 + 2 K, D)."""
+        self._fill()
         n, m = self.states, self.common
         first = n * m + n * (n + 1) // 2
         return np.array([self._row(first + a).reshape(-1)[:self.channels] for a in range(n)])
 
     def marginal(self, int channel):
         """Mean and covariance of (c, u_d), of length 2 + J + 3 + 2 K."""
+        self._fill()
         n, m = self.states, self.common
         block = np.asarray(self.memory).reshape(self.f.blocks, self.f.rows, LANES)[channel // LANES, :,
                                                                                   channel % LANES]
@@ -1181,8 +1177,14 @@ cdef class ArrowFilter(Filter):
             self._predict(horizons, &memory[0, 0, 0], &memory[1, 0, 0], &memory[2, 0, 0])
         return out[0], out[1], out[2]
 
+    cdef void _fill(self) noexcept nogil:
+        if self.f.blank:
+            arrow_fill(&self.f)
+
     cdef int _root(self) noexcept nogil:
+        """Get the covariance's root, and all states, ready for a prediction; returns 1 if it has none."""
         cdef int i, j, m = self.common
+        self._fill()
         for i in range(m):
             for j in range(m):
                 self.f.factor[i * m + j] = self.P[i, j]

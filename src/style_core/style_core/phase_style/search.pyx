@@ -172,9 +172,11 @@ cdef class Search:
     cdef public double since
     cdef list _pool, _free
     cdef bint _single, _rejects
-    cdef list _slices           # of each part of a glance: (behaviour, speed)
-    cdef double[:, ::1] _score, _phase  # its peaks of the last glance (parts, peaks), see `Glance.peaks`
-    cdef double[::1] _stamps    # and when that was, s
+    # of each part of a glance, a behaviour at a speed: which, its peaks (parts, peaks; see `Glance.peaks`), those looked at
+    cdef int[::1] _behaviour, _taken
+    cdef double[::1] _speed
+    cdef double[:, ::1] _score, _phase
+    cdef double[::1] _stamps    # when it was glanced at, s
     cdef double[::1] _back      # time of each sample to the last one, s; scratch
     cdef int _turn              # behaviour to glance at next
     cdef Track _kept            # a leader that did not take in what called this search, as it was
@@ -191,22 +193,24 @@ cdef class Search:
     cdef double[::1] _spread    # of the speed, of each behaviour
     cdef double[::1] _tail      # samples that the size of what they promise is known from
     cdef double[::1] _width     # distance of the phases tried
-    cdef list _rhythmic
+    cdef unsigned char[::1] _rhythmic
     cdef list _names
     cdef double[::1] _weights   # of each behaviour; scratch
 
     def __init__(self, behaviours, glances, pool, bint single=False, bint rejects=True):
         channels = len(behaviours[0].joint_names)
         self.glances, self._pool, self._single, self._rejects = glances, pool, single, rejects
-        self._slices = [(index, speed) for index, glance in enumerate(glances) for speed in glance.speeds]
-        self._slot = [self._slices.index((index, glance.speeds[0])) for index, glance in enumerate(glances)]
-        self._stamps = np.empty(len(self._slices))
-        self._score, self._phase = np.empty((2, len(self._slices), PEAKS))
+        counts = [len(glance.speeds) for glance in glances]
+        self._behaviour = np.repeat(np.arange(len(glances), dtype=np.intc), counts)
+        self._slot = [sum(counts[:index]) for index in range(len(glances))]
+        self._speed = np.concatenate([glance.speeds for glance in glances])
+        self._stamps, self._taken = np.empty(sum(counts)), np.empty(sum(counts), dtype=np.intc)
+        self._score, self._phase = np.empty((2, sum(counts), PEAKS))
         self._back = np.empty(WINDOW)
         self._spread = np.array([behaviour.velocity[1] for behaviour in behaviours], dtype=float)
         self._tail = np.array([behaviour.residual.check_weight for behaviour in behaviours], dtype=float)
         self._width = np.array([glance.width if len(glance.phases) > 1 else INFINITY for glance in glances])
-        self._rhythmic = [bool(behaviour.rhythmic) for behaviour in behaviours]
+        self._rhythmic = np.array([behaviour.rhythmic for behaviour in behaviours], dtype=np.uint8)
         self._names, self._weights = [behaviour.name for behaviour in behaviours], np.empty(len(behaviours))
         # several windows long, so that the last samples always lie in one piece
         self._y = np.zeros((8 * WINDOW, channels))
@@ -393,24 +397,19 @@ cdef class Search:
 
     cdef double _start_candidates(self, int live, double budget):
         """Start the best that was seen at a glance and is not running yet; returns the budget left."""
-        cdef double now = self._last, at, speed, spread, start = START_COST, stale = STALE_S
-        cdef int slot, index, k
+        cdef double now = self._last, at, speed, spread, start = START_COST
+        cdef int slot, peak, index
         cdef long first
         cdef Filter one
         cdef Glance glance
-        if len(self.tracks) >= live or budget < start + 1:  # an update must be left
-            return budget
-        order = []
-        for slot in range(self._stamps.shape[0]):
-            for k in range(self._score.shape[1]):
-                if now - self._stamps[slot] < stale and not isnan(self._score[slot, k]):
-                    order.append((self._score[slot, k], slot, self._phase[slot, k]))
-        order.sort(reverse=True)
-        for _, slot, phase in order:
-            if len(self.tracks) >= live or budget < start + 1:
+        self._taken[:] = 0
+        while len(self.tracks) < live and budget >= start + 1:  # an update must be left
+            slot = self._best()
+            if slot < 0:
                 break
-            index, speed = self._slices[slot]
-            at = phase + speed * (now - self._stamps[slot])
+            peak, index, speed = self._taken[slot], self._behaviour[slot], self._speed[slot]
+            self._taken[slot] += 1
+            at = self._phase[slot, peak] + speed * (now - self._stamps[slot])
             if self._runs(index, at, speed) or not self._free[index]:
                 continue
             one = self._free[index].pop()
@@ -424,6 +423,17 @@ cdef class Search:
                                      -0.5 * ((speed - glance.speeds[0]) / spread) ** 2))
             budget -= start
         return budget
+
+    cdef int _best(self):
+        """Part of a glance with the best peak that is not taken yet; -1 if there is none."""
+        cdef int slot, best = -1
+        cdef double score, most = -INFINITY, stale = STALE_S
+        for slot in range(self._stamps.shape[0]):
+            if self._taken[slot] < self._score.shape[1] and self._last - self._stamps[slot] < stale:
+                score = self._score[slot, self._taken[slot]]  # NaN: no peak is left here
+                if score >= most:
+                    best, most = slot, score
+        return best
 
     cdef bint _runs(self, int index, double phase, double speed):
         cdef Track track
