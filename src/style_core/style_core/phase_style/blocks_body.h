@@ -534,14 +534,13 @@ static void NAME(glance_scores)(glance *f, int count, const int *node, double *s
     memset(totals, 0, count * sizeof(f8));
     for (int block = 0; block < f->blocks; block++) {
         const f8 *y = (const f8 *)f->y + (long)block * samples, *seen = (const f8 *)f->seen + (long)block * samples;
-        const long first_node = (long)block * f->nodes;
-        const f8 *mean = (const f8 *)f->mean + first_node, *posture = (const f8 *)f->posture + first_node;
-        const f8 *log_posture = (const f8 *)f->log_posture + first_node;
+        const f8 *mean = (const f8 *)f->mean + (long)block * f->nodes;
+        const f8 *posture = (const f8 *)f->posture + (long)block * count;
+        const f8 *log_posture = (const f8 *)f->log_posture + (long)block * count;
         const f8 change = ((const f8 *)f->change)[block], any = ((const f8 *)f->any)[block];
         const f8 over = ((const f8 *)f->over)[block];
         for (int p = 0; p < count; p++) {
             const int *at = node + (long)p * samples;
-            const int here = at[samples - 1];
             f8 first = {}, second = {};
             for (int i = 0; i < samples; i++) {
                 const f8 error = seen[i] * (y[i] - mean[at[i]]);
@@ -549,7 +548,7 @@ static void NAME(glance_scores)(glance *f, int count, const int *node, double *s
                 second += error * error;
             }
             const f8 average = first * over;
-            totals[p] += NAME(least)(average * average * posture[here], most) + any * log_posture[here]
+            totals[p] += NAME(least)(average * average * posture[p], most) + any * log_posture[p]
                 + NAME(least)((second - first * average) * change, most);
         }
     }

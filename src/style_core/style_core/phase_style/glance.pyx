@@ -45,7 +45,7 @@ cdef class Glance:
     """
 
     def __init__(self, behaviour, table, double limit=INFINITY):
-        cdef Py_ssize_t size, width
+        cdef Py_ssize_t width
         residual = behaviour.residual
         posture = np.sum(table.values[:, 1:] ** 2, axis=1) + residual.offset + residual.fast + residual.personal
         change = residual.fast + residual.noise + 0.5 * residual.personal
@@ -62,23 +62,34 @@ cdef class Glance:
         self._nodes, self._channels, self._rhythmic = len(table.values) - 1, len(change), behaviour.rhythmic
         self._f.most = limit * limit
         self._f.nodes, self._f.blocks = self._nodes + 1, (self._channels + LANES - 1) // LANES
-        width = self._f.blocks * LANES
-        size = self._f.nodes * width
-        self._tables = aligned_single(3 * size + width)
-        for k, values in enumerate([table.values[:, 0], 1 / posture, np.log(posture), 1 / change[None]]):
-            padded = np.zeros((len(values), width))
-            padded[:, :self._channels] = values
-            np.asarray(self._tables)[k * size:k * size + padded.size] = \
-                padded.reshape(-1, self._f.blocks, LANES).transpose(1, 0, 2).reshape(-1)
-        self._f.mean, self._f.posture = &self._tables[0], &self._tables[size]
-        self._f.log_posture, self._f.change = &self._tables[2 * size], &self._tables[3 * size]
+        nodes = [self._node(self._rate() * phase) for phase in self.phases]
+        posture = posture[nodes]
+        parts = [self._by_block(values) for values in
+                 (table.values[:, 0], 1 / posture, np.log(posture), 1 / change[None])]
+        self._tables = aligned_single(sum([len(part) for part in parts]))
+        np.asarray(self._tables)[:] = np.concatenate(parts)
+        self._f.mean = &self._tables[0]
+        self._f.posture = self._f.mean + <long>len(parts[0])
+        self._f.log_posture = self._f.posture + <long>len(parts[1])
+        self._f.change = self._f.log_posture + <long>len(parts[2])
         self._log_change = np.log(change)
+        width = self._f.blocks * LANES
         self._samples = aligned_single((2 * SAMPLES + 2) * width)
         self._f.any, self._f.over = &self._samples[0], &self._samples[width]
         self._f.y, self._f.seen = &self._samples[2 * width], &self._samples[(2 + SAMPLES) * width]
         self._scores, self._totals = np.empty(len(self.phases)), aligned_single(len(self.phases) * LANES)
         self._marks = np.empty(len(self.phases) * SAMPLES, dtype=np.intc)
         self._f.totals = &self._totals[0]
+
+    def _by_block(self, values):
+        """Rows by channel as rows of blocks: (N, D) to a flat (blocks, N, 8)."""
+        padded = np.zeros((len(values), self._f.blocks * LANES))
+        padded[:, :self._channels] = values
+        return padded.reshape(-1, self._f.blocks, LANES).transpose(1, 0, 2).reshape(-1)
+
+    cdef double _rate(self) noexcept nogil:
+        """Nodes a unit of phase."""
+        return self._nodes / TWO_PI if self._rhythmic else self._nodes
 
     def rank(self, const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back,
              double velocity):
@@ -174,14 +185,14 @@ cdef class Glance:
 
     cdef void _rank(self, const double[::1] back, double velocity, double constant) noexcept nogil:
         cdef int p, k, samples = self._f.samples, count = self._phases.shape[0]
-        cdef double at, rate = self._nodes / TWO_PI if self._rhythmic else self._nodes
+        cdef double at, rate = self._rate()
         cdef int* node = &self._marks[0]
         cdef double shift[SAMPLES]  # of the samples from the last one, in nodes
         for k in range(samples):
             shift[k] = -velocity * back[k]
             shift[k] = rate * (wrapped(shift[k]) if self._rhythmic else shift[k])
         for p in range(count):
-            at = rate * (wrapped(self._phases[p]) if self._rhythmic else self._phases[p])
+            at = rate * self._phases[p]
             for k in range(samples):
                 node[p * samples + k] = self._node(at + shift[k])
         glance_scores(&self._f, count, node, &self._scores[0])

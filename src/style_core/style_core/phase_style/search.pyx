@@ -174,7 +174,7 @@ cdef class Search:
     cdef bint _single, _rejects
     # of each part of a glance, a behaviour at a speed: which, its peaks (parts, peaks; see `Glance.peaks`), those looked at
     cdef int[::1] _behaviour, _taken
-    cdef double[::1] _speed
+    cdef double[::1] _speed, _prior     # the latter is its log weight, nats
     cdef double[:, ::1] _score, _phase
     cdef double[::1] _stamps    # when it was glanced at, s
     cdef double[::1] _back      # time of each sample to the last one, s; scratch
@@ -191,6 +191,7 @@ cdef class Search:
     cdef long _base             # of them, those before the first row of the memory
     cdef double _last           # stamp of the last, s
     cdef double[::1] _spread    # of the speed, of each behaviour
+    cdef double[::1] _phase_variance, _speed_variance   # at a start
     cdef double[::1] _tail      # samples that the size of what they promise is known from
     cdef double[::1] _width     # distance of the phases tried
     cdef unsigned char[::1] _rhythmic
@@ -204,6 +205,12 @@ cdef class Search:
         self._behaviour = np.repeat(np.arange(len(glances), dtype=np.intc), counts)
         self._slot = [sum(counts[:index]) for index in range(len(glances))]
         self._speed = np.concatenate([glance.speeds for glance in glances])
+        spread = [max(behaviour.velocity[1], 1e-3) for behaviour in behaviours]
+        self._prior = np.concatenate([[-0.5 * ((speed - glance.speeds[0]) / one) ** 2 for speed in glance.speeds]
+                                      for glance, one in zip(glances, spread)])
+        self._phase_variance = np.array([glance.width ** 2 for glance in glances])
+        self._speed_variance = np.array([one ** 2 * (0.5 if len(glance.speeds) > 1 else 1.0)
+                                         for glance, one in zip(glances, spread)])
         self._stamps, self._taken = np.empty(sum(counts)), np.empty(sum(counts), dtype=np.intc)
         self._score, self._phase = np.empty((2, sum(counts), PEAKS))
         self._back = np.empty(WINDOW)
@@ -397,11 +404,10 @@ cdef class Search:
 
     cdef double _start_candidates(self, int live, double budget):
         """Start the best that was seen at a glance and is not running yet; returns the budget left."""
-        cdef double now = self._last, at, speed, spread, start = START_COST
+        cdef double now = self._last, at, speed, start = START_COST
         cdef int slot, peak, index
         cdef long first
         cdef Filter one
-        cdef Glance glance
         self._taken[:] = 0
         while len(self.tracks) < live and budget >= start + 1:  # an update must be left
             slot = self._best()
@@ -416,11 +422,9 @@ cdef class Search:
             if self._rejects:
                 one.believe(LIMIT, FEW, EXPLAINS)
             first = max(self._filled - REPLAY, self._first)
-            glance, spread = self.glances[index], max(self._spread[index], 1e-3)
-            one.start(at - speed * (now - self._time[first - self._base]), speed, glance.width ** 2,
-                      spread ** 2 * (0.5 if len(glance.speeds) > 1 else 1.0))
-            self.tracks.append(Track(index, one, first, self._tail[index],
-                                     -0.5 * ((speed - glance.speeds[0]) / spread) ** 2))
+            one.start(at - speed * (now - self._time[first - self._base]), speed, self._phase_variance[index],
+                      self._speed_variance[index])
+            self.tracks.append(Track(index, one, first, self._tail[index], self._prior[slot]))
             budget -= start
         return budget
 
