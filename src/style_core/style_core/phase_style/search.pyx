@@ -195,7 +195,7 @@ cdef class Search:
     cdef double[::1] _tail      # samples that the size of what they promise is known from
     cdef double[::1] _width     # distance of the phases tried
     cdef unsigned char[::1] _rhythmic
-    cdef list _names
+    cdef dict _gaits            # of each name: its behaviours
     cdef double[::1] _weights   # of each behaviour; scratch
 
     def __init__(self, behaviours, glances, pool, bint single=False, bint rejects=True):
@@ -218,7 +218,9 @@ cdef class Search:
         self._tail = np.array([behaviour.residual.check_weight for behaviour in behaviours], dtype=float)
         self._width = np.array([glance.width if len(glance.phases) > 1 else INFINITY for glance in glances])
         self._rhythmic = np.array([behaviour.rhythmic for behaviour in behaviours], dtype=np.uint8)
-        self._names, self._weights = [behaviour.name for behaviour in behaviours], np.empty(len(behaviours))
+        self._gaits, self._weights = {}, np.empty(len(behaviours))
+        for index, behaviour in enumerate(behaviours):
+            self._gaits.setdefault(behaviour.name, []).append(index)
         # several windows long, so that the last samples always lie in one piece
         self._y = np.zeros((8 * WINDOW, channels))
         self._observed = np.zeros((8 * WINDOW, channels), dtype=np.uint8)
@@ -282,11 +284,15 @@ cdef class Search:
 
     @property
     def speaker(self):
-        return self._kept if self.holding else self.leader
+        return self._kept if self._holding() else self.leader
 
     @property
     def holding(self):
-        return self._kept is not None and self._last - self._kept.time < HOLD_S + 1e-3
+        return self._holding()
+
+    cdef bint _holding(self):
+        cdef double hold = HOLD_S
+        return self._kept is not None and self._last - self._kept.time < hold + 1e-3
 
     cdef _expire(self):
         """Let go of a leader that was kept long enough."""
@@ -470,8 +476,10 @@ cdef class Search:
     def settle(self):
         """Choose the leader, give up what is far behind; returns True when it is decided and the search is over."""
         cdef Track track, leader, best = None
-        cdef double ahead
-        cdef bint same, clear = True, over
+        cdef list ready
+        cdef double ahead, elsewhere = ELSEWHERE * ELSEWHERE, take_over = TAKE_OVER, give_up = GIVE_UP
+        cdef int patience = PATIENCE
+        cdef bint same, clear = True, over, lost = True
         if self._as_expected():
             return True
         ready = [track for track in self.tracks
@@ -479,7 +487,11 @@ cdef class Search:
         if not ready:
             return False
         leader = self.leader if self.leader in ready else ready[0]
-        if all([track.last > ELSEWHERE * ELSEWHERE for track in ready]):
+        for track in ready:
+            lost = lost and track.last > elsewhere
+            if best is None or track.lead(best) > 0:
+                best = track
+        if lost:
             if (len(ready) > 1 or leader.count > 2) and self._anew < ANEW:  # what came before is from elsewhere
                 self._anew += 1
                 self.leader, leader.next = leader, self._filled
@@ -488,10 +500,7 @@ cdef class Search:
                 return False
         else:
             self._anew = 0
-        for track in ready:
-            if best is None or track.lead(best) > 0:
-                best = track
-        if self.leader is None or best.lead(leader) > TAKE_OVER:
+        if self.leader is None or best.lead(leader) > take_over:
             leader = best
         self.leader = leader
         for track in ready:
@@ -500,10 +509,10 @@ cdef class Search:
                 continue
             ahead = leader.lead(track)
             same = ahead > 0 and self._near(leader, track.behaviour, track.filter.c[0], track.filter.c[1])
-            if track.count >= 3 and (ahead > GIVE_UP or same or (track.count >= PATIENCE and ahead > 0)):
+            if track.count >= 3 and (ahead > give_up or same or (track.count >= patience and ahead > 0)):
                 self._drop(track)
             else:
-                clear = clear and ahead > TAKE_OVER
+                clear = clear and ahead > take_over
         over = leader.misfit / leader.weight < EXPLAINS and (
             self.since >= SEARCH_S or (leader.count >= 6 and clear and self.since >= 0.1))
         if over:
@@ -527,20 +536,16 @@ cdef class Search:
     def probabilities(self):
         """Posterior probability of each behaviour by name; gaits of one behaviour count together."""
         cdef Track track, first = None
-        cdef double total = 0
-        cdef int index, count = len(self._names)
+        cdef double total = 0, weight
         self._weights[:] = 0
         for track in self.tracks:
             if track.weight:
                 if first is None:
                     first = track
-                self._weights[track.behaviour] = max(self._weights[track.behaviour],
-                                                     exp(min(max(track.lead(first), -50.0), 50.0)))
-        for index in range(count):
-            total += self._weights[index]
-        found = dict.fromkeys(self._names, 0.0)
+                weight = exp(min(max(track.lead(first), -50.0), 50.0))
+                self._weights[track.behaviour] = max(self._weights[track.behaviour], weight)
+        for weight in self._weights:
+            total += weight
         if total == 0:  # nothing was judged yet
-            return dict.fromkeys(found, 1 / <double>len(found))
-        for index in range(count):
-            found[self._names[index]] += self._weights[index] / total
-        return found
+            return dict.fromkeys(self._gaits, 1 / <double>len(self._gaits))
+        return {name: sum([self._weights[index] for index in gaits]) / total for name, gaits in self._gaits.items()}
