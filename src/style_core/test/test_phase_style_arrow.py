@@ -384,6 +384,39 @@ def test_a_copy_goes_on_as_the_original():
     assert_same(one, two)
 
 
+def test_states_are_at_their_priors_from_the_start_on():
+    rng = np.random.default_rng(4)
+    one, dense = both(rng, 2, 11, 2)
+    for _ in range(2):  # also where others were
+        one.start(1.0, 6.0, 0.3, 0.2)
+        dense.start(1.0, 6.0, 0.3, 0.2)
+        assert_same_marginals(one, dense)
+        assert not one.residuals.any()
+        run_both(one, dense, rng, 5)
+    ahead, said = np.array([0.1, 0.2]), []
+    for asked in (False, True):  # to be asked before the first update changes nothing
+        one.start(1.0, 6.0, 0.3, 0.2)
+        if asked:
+            said.append(one.ahead(ahead)[1])
+        one.update(np.linspace(0, 1, 11), np.ones(11, np.uint8), 0.0)
+        said.append(one.ahead(ahead)[1])
+    np.testing.assert_array_equal(said[0], said[2])
+    assert said[1].mean() > said[2].mean()
+
+
+def test_a_copy_of_one_that_has_only_started_is_one():
+    rng = np.random.default_rng(5)
+    one, dense = both(rng, 2, 11, 1)
+    other, _ = both(rng, 2, 11, 1)
+    one.start(1.0, 6.0, 0.3, 0.2)
+    dense.start(1.0, 6.0, 0.3, 0.2)
+    other.update(np.ones(11), np.ones(11, np.uint8), 0.0)
+    other.copy(one)
+    np.testing.assert_array_equal(other.residuals, one.residuals)
+    np.testing.assert_array_equal(other.state, one.state)
+    assert not other.residuals.any()
+
+
 def test_surprise_is_the_error_in_predicted_standard_deviations():
     one, two = pair()
     followed(one, two, seconds=0.5)
