@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from tqdm import tqdm
 
-from style_core.cli.number import Positive
+from style_core.cli.recordings import add_recorded_rate
 from style_core.cli.train_locomotion import read_recordings
 from style_core.errors import UsageError
 from style_core.locomotion.infer import analyze
@@ -32,7 +32,7 @@ def add_arguments(parser, argv):
     parser.add_argument(
         '--joints', nargs='+', metavar='JOINT', help='joints in the picture (default: the most moving four)'
     )
-    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ', help='of AMC recordings (default: 120)')
+    add_recorded_rate(parser)
     parser.add_argument('--rename', nargs='+', default=[], metavar='OLD=NEW', help='rename styles in the model file')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 

@@ -13,10 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from style_core.angles import continuous
-from style_core.cli.number import Positive
+from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.errors import UsageError
-from style_core.formats import read_motion
 
 __all__ = ['add_arguments', 'run']
 
@@ -24,7 +22,7 @@ __all__ = ['add_arguments', 'run']
 def add_arguments(parser, argv):
     """FILES and pictures."""
     parser.add_argument('files', nargs='*', metavar='FILE', help='recordings of any known format')
-    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ', help='rate of AMC recordings (default: 120)')
+    add_recorded_rate(parser)
     parser.add_argument('--map', metavar='PICTURE', help='draw the style map')
     parser.add_argument('--occupancies', metavar='PICTURE', help='draw the occupancy matrices of the FILES')
     parser.add_argument('--graph', metavar='FILE', help='draw the state graph, or write it as .dot')
@@ -43,9 +41,7 @@ def run(args):
     machine = load(args.model)
     found = []
     for path in args.files:
-        options = {'rate_hz': args.recorded_rate} if args.recorded_rate and path.lower().endswith('.amc') else {}
-        motion = continuous(read_motion(path, **options)).replace(name=Path(path).stem)
-        one = analyze(machine, motion)
+        one = analyze(machine, read_recording(path, args.recorded_rate))
         found.append(one)
         print(json.dumps(_record(one)) if args.json else _text(machine, one))
     if args.map:

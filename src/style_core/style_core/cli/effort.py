@@ -11,11 +11,11 @@ import json
 
 import numpy as np
 
-from style_core.angles import continuous
-from style_core.cli.number import Count, Number, Positive
+from style_core.cli.number import Count, Number
+from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.effort import EFFORTS, load, restyle
 from style_core.errors import UsageError
-from style_core.formats import read_motion, write_motion
+from style_core.formats import write_motion
 from style_core.skeleton import read_skeleton
 
 __all__ = ['add_arguments', 'run']
@@ -33,8 +33,7 @@ def add_arguments(parser, argv):
                         help='like fragments to try (default: 6)')
     parser.add_argument('--skeleton', metavar='FILE', help='needed for AMC output and for --picture')
     parser.add_argument('--picture', metavar='PNG', help='draw the recording and the result as stick figures')
-    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ',
-                        help='rate of an AMC recording (default: 120)')
+    add_recorded_rate(parser)
     parser.add_argument('--json', action='store_true', help='print what was chosen as JSON')
 
 
@@ -45,8 +44,7 @@ def run(args):
         raise UsageError('--picture needs --skeleton')
     library = load(args.library)
     skeleton = read_skeleton(args.skeleton) if args.skeleton else None
-    rate = {'rate_hz': args.recorded_rate} if args.recorded_rate else {}
-    motion = continuous(read_motion(args.file, skeleton=skeleton, **rate)).replace(name=args.file)
+    motion = read_recording(args.file, args.recorded_rate, skeleton).replace(name=args.file)
     result = restyle(library, motion, target, args.neighbours)
     write_motion(result.motion, args.output, skeleton=skeleton)
     kind = 'measured' if library.labeller == 'computed' else 'predicted'

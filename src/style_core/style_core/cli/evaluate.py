@@ -15,7 +15,8 @@ import numpy as np
 from tqdm import tqdm
 
 from style_core.cli.number import Count
-from style_core.cli.predictor_arguments import add_method, add_reading, hide, predictor_of, read
+from style_core.cli.predictor_arguments import add_method, add_reading, hide, predictor_of
+from style_core.cli.recordings import read_recording
 from style_core.errors import MotionError
 from style_core.evaluation import FRAMES_AHEAD, RATE_HZ, paper_horizons, roll_out, summary
 
@@ -39,7 +40,7 @@ def run(args):
     horizons = paper_horizons(args.horizon)
     results = {}
     for path in tqdm(args.files, desc='evaluating', unit='file', disable=None, leave=False):
-        motion = read(path, args).joints(list(names)).resample(RATE_HZ)
+        motion = read_recording(path, args.recorded_rate).joints(list(names)).resample(RATE_HZ)
         if motion.n_frames <= args.horizon:
             raise MotionError(f'{path} has {motion.n_frames} frames at {RATE_HZ:g} Hz: too short to score a prediction '
                               f'of {args.horizon} frames (--horizon)')

@@ -9,10 +9,11 @@ what came before.
 """
 import numpy as np
 
-from style_core.cli.number import Number, Positive
+from style_core.cli.number import Number
+from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.cli.train_locomotion import read_recordings
 from style_core.errors import MotionError, UsageError
-from style_core.formats import read_motion, write_motion
+from style_core.formats import write_motion
 from style_core.locomotion.infer import fill
 from style_core.locomotion.model import load
 from style_core.locomotion.online import fill_causally
@@ -32,7 +33,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--to', action=Number, dest='stop', metavar='S', help='hide up to this time')
     parser.add_argument('--score', action='store_true', help='compare what was hidden with what was filled in')
     parser.add_argument('--causal', action='store_true', help='use only what came before each frame, as on line')
-    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ', help='of an AMC recording (default: 120)')
+    add_recorded_rate(parser)
 
 
 def run(args):
@@ -40,8 +41,7 @@ def run(args):
     model = load(args.model)
     if not (args.output or args.score):
         raise UsageError('say where to write (-o) or ask for --score')
-    options = {'rate_hz': args.recorded_rate} if args.recorded_rate and args.file.lower().endswith('.amc') else {}
-    present = set(read_motion(args.file, **options).joint_names)
+    present = set(read_recording(args.file, args.recorded_rate).joint_names)
     known = [name for name in model.joint_names if name in present]
     if not known:
         raise MotionError(f'{args.file} has none of the joints of the model')

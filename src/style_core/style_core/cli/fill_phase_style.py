@@ -8,7 +8,8 @@ motion-style fill MODEL.npz walk.amc -o whole.csv --mask 'rfemur.*' 'rtibia.*' '
 import numpy as np
 from tqdm import tqdm
 
-from style_core.cli.predictor_arguments import add_reading, hide, read
+from style_core.cli.predictor_arguments import add_reading, hide
+from style_core.cli.recordings import read_recording
 from style_core.formats import write_motion
 from style_core.motion import Motion
 from style_core.phase_style import load_behaviours
@@ -29,7 +30,7 @@ def run(args):
     """Fill and write."""
     behaviours = load_behaviours(args.model)
     names = behaviours[0].joint_names
-    motion = read(args.file, args)
+    motion = read_recording(args.file, args.recorded_rate)
     masked, hidden = hide(motion, names, args.mask)
     filled, std, report = fill(behaviours, masked, lambda pieces: tqdm(pieces, desc='smoothing', unit='piece',
                                                                        disable=None, leave=False))

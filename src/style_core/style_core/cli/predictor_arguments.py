@@ -1,22 +1,19 @@
-"""What the commands that predict share: reading recordings, masks and the method."""
+"""What the commands that predict share: masks and the method."""
 import numpy as np
 
-from style_core.angles import continuous
-from style_core.cli.number import Positive
+from style_core.cli.recordings import add_recorded_rate
 from style_core.errors import MotionError, UsageError
-from style_core.formats import read_motion
 from style_core.motion import matching_names
 from style_core.phase_style import KIND, METHODS
 from style_core.phase_style.full import PARTS
 from style_core.predictors import read_predictor
 
-__all__ = ['add_reading', 'add_method', 'read', 'predictor_of', 'hide']
+__all__ = ['add_reading', 'add_method', 'predictor_of', 'hide']
 
 
 def add_reading(parser):
     """Rate of formats without one, and joints to hide."""
-    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ',
-                        help='rate of recordings whose format does not say it (AMC; default: 120)')
+    add_recorded_rate(parser)
     parser.add_argument('--mask', nargs='+', default=[], metavar='PATTERN',
                         help="joints to hide from the model, as shell patterns ('lfemur.*'); '!PATTERN' excludes")
 
@@ -29,12 +26,6 @@ def add_method(parser):
     parser.add_argument('--without', nargs='+', default=[], choices=(*PARTS, 'histories'), metavar='PART',
                         help=f'parts of the full filter to leave out: {", ".join(PARTS)}, or histories (the recorded '
                              'motion that a model trained with --histories holds)')
-
-
-def read(path, args):
-    """Read a recording with continuous angles."""
-    options = {'rate_hz': args.recorded_rate} if args.recorded_rate and str(path).lower().endswith('.amc') else {}
-    return continuous(read_motion(path, **options))
 
 
 def predictor_of(args):

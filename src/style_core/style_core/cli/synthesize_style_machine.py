@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from style_core.angles import continuous
 from style_core.cli.number import Positive, Seed
+from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.errors import UsageError
-from style_core.formats import read_motion, skeleton_of, write_motion
+from style_core.formats import skeleton_of, write_motion
 from style_core.skeleton import read_skeleton
 
 __all__ = ['add_arguments', 'run']
@@ -38,8 +38,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--seed', action=Seed, default=0, help='of a random walk (default: 0)')
     parser.add_argument('--rate', action=Positive, metavar='HZ',
                         help="rate of the result (default: the model's; AMC: 120)")
-    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ',
-                        help='rate of an AMC recording (default: 120)')
+    add_recorded_rate(parser)
     parser.add_argument('--skeleton', metavar='FILE', help='.asf or .bvh to write AMC or BVH with (default: the one '
                                                            "beside the recording; for AMC CMU's)")
     parser.add_argument('--picture', metavar='PICTURE', help='draw a strip of stick figures; needs a skeleton')
@@ -54,9 +53,7 @@ def run(args):
         raise UsageError('--picture needs --skeleton')
     recording = None
     if args.content:
-        amc = args.content.lower().endswith('.amc')
-        options = {'rate_hz': args.recorded_rate} if args.recorded_rate and amc else {}
-        recording = continuous(read_motion(args.content, **options)).replace(name=Path(args.content).stem)
+        recording = read_recording(args.content, args.recorded_rate)
         found = analyze(machine, recording)
         style = machine.style(found.v if args.style is None else args.style)
         motion = synthesize(machine, found.gamma, style, None if args.keep_timing else found.emission.dwell)

@@ -14,14 +14,13 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from style_core.angles import continuous
 from style_core.cli.number import Count, Positive, Seed
+from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.effort import joint_scale, save, train_library
 from style_core.effort.descriptors import EFFORTS
 from style_core.effort.labels import read_labels
 from style_core.effort.regression import METHODS
 from style_core.errors import MotionError, UsageError
-from style_core.formats import read_motion
 from style_core.formats.files import read_table
 from style_core.model_file import training_files
 from style_core.skeleton import read_skeleton
@@ -41,8 +40,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf; weighs joints by how far they move '
                                                            'the body (default: all joints weigh the same)')
     parser.add_argument('--rate', action=Positive, default=60.0, metavar='HZ', help='rate of the library (default: 60)')
-    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ',
-                        help='rate of the recordings where their format does not say it (AMC; default: 120)')
+    add_recorded_rate(parser)
     parser.add_argument('--interpolations', action=Count, default=105, metavar='N',
                         help='blends of matching fragments to learn from (default: 105)')
     parser.add_argument('--method', choices=METHODS, default='kernel-ridge',
@@ -58,8 +56,7 @@ def run(args):
     paths = sorted({path for _, path, *_ in rows})
     recordings = {}
     for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
-        rate = {'rate_hz': args.recorded_rate} if args.recorded_rate and path.suffix.lower() == '.amc' else {}
-        recordings[path] = continuous(read_motion(path, **rate)).resample(args.rate).select(*args.joints)
+        recordings[path] = read_recording(path, args.recorded_rate).resample(args.rate).select(*args.joints)
     motions = []
     for name, path, start, stop, _ in rows:
         piece = recordings[path] if start is None else recordings[path].slice(start, stop)

@@ -10,14 +10,12 @@ values (NaN, gaps) in the recordings are marginalised.
 """
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 from tqdm import tqdm
 
-from style_core.angles import continuous
 from style_core.cli.number import Count, Positive, Seed
+from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.errors import UsageError
-from style_core.formats import read_motion
 from style_core.formats.files import read_table
 from style_core.locomotion.choose import choose_styles
 from style_core.locomotion.learn import learn
@@ -41,8 +39,7 @@ def add_arguments(parser, argv):
     )
     parser.add_argument('--rate', action=Positive, metavar='HZ',
                         help="rate to learn at (default: the recordings' lowest)")
-    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ',
-                        help='rate of the recordings where their format does not say it (AMC; default: 120)')
+    add_recorded_rate(parser)
     parser.add_argument('--seed', action=Seed, default=0, help='of the random starts (default: 0)')
     parser.add_argument('--restarts', action=Count, default=5, help='starts; the highest bound wins (default: 5)')
     parser.add_argument('--iterations', action=Count, default=15, help='EM iterations (default: 15)')
@@ -57,8 +54,7 @@ def read_recordings(files, recorded_rate=None, joints=None):
     says."""
     motions = []
     for path in tqdm(files, desc='reading', unit='file', disable=None, leave=False):
-        options = {'rate_hz': recorded_rate} if recorded_rate and path.lower().endswith('.amc') else {}
-        motion = continuous(read_motion(path, **options)).replace(name=Path(path).stem)
+        motion = read_recording(path, recorded_rate)
         excluded = [f'!*{word}*' for word in ('fingers', 'thumb') if any(word in name for name in motion.joint_names)]
         if joints or excluded:
             motion = motion.select(*(joints or excluded))

@@ -15,14 +15,12 @@ Recordings may be of any known format, with their own rates. A recording is one 
 should share the part of the file name before the first "_" or "-" (35_01, 35_02), because the uncertainty about a
 new person is learned by leaving one person out after the other.
 """
-from pathlib import Path
 
 from tqdm import tqdm
 
-from style_core.angles import continuous
 from style_core.cli.number import Count, Positive
+from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.errors import UsageError
-from style_core.formats import read_motion
 from style_core.phase_style import learn_correction, save_behaviours
 from style_core.phase_style.training import RATE_HZ, common_joints, to_sequence, train
 
@@ -51,8 +49,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--aligned-by', metavar='LOCOMOTION.npz',
                         help='take the phases of rhythmic recordings from this locomotion model (which must know '
                              'joints of theirs) instead of their auto-correlation')
-    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ',
-                        help='rate of the recordings where their format does not say it (AMC; default: 120)')
+    add_recorded_rate(parser)
 
 
 def run(args):
@@ -67,11 +64,9 @@ def run(args):
         if not files:
             raise UsageError(f'behaviour {name!r} has no recordings')
     paths = sorted({file for (_, *files), _ in groups for file in files})
-    options = {} if args.recorded_rate is None else {'rate_hz': args.recorded_rate}
     motions = {}
     for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
-        given = options if path.lower().endswith('.amc') else {}
-        motions[path] = continuous(read_motion(path, **given)).replace(name=Path(path).stem)
+        motions[path] = read_recording(path, args.recorded_rate)
     joints = common_joints(list(motions.values()), args.joints)
     phase_of = None
     if args.aligned_by:

@@ -16,10 +16,10 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from style_core.angles import continuous
 from style_core.cli.number import Count, Number, Positive, Seed
+from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.errors import UsageError
-from style_core.formats import read_motion, skeleton_of
+from style_core.formats import skeleton_of
 from style_core.model_file import training_files
 from style_core.skeleton import read_skeleton
 
@@ -44,8 +44,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--dof', action=Count, metavar='K',
                         help='style coordinates (default: as many as explain 95 %% of the variation)')
     parser.add_argument('--rate', action=Positive, default=60.0, metavar='HZ', help='rate to learn at (default: 60)')
-    parser.add_argument('--recorded-rate', action=Positive, metavar='HZ',
-                        help='rate of AMC recordings, which do not say it (default: 120)')
+    add_recorded_rate(parser)
     parser.add_argument('--mirror', action='store_true', help='train on mirror images too')
     parser.add_argument('--temperature', action=Number, least=0, metavar='T',
                         help='of the generic model at the start of annealing')
@@ -77,8 +76,8 @@ def run(args):
              'heat': args.heat, 'cross_entropy': args.cross_entropy, 'init': args.init}
     settings = Settings(**{key: value for key, value in given.items() if value is not None})
     skeleton = read_skeleton(args.skeleton) if args.skeleton else skeleton_of(paths[0])
-    motions = [_read(path, args.recorded_rate) for path in tqdm(paths, desc='reading', unit='file', disable=None,
-                                                                 leave=False)]
+    motions = [read_recording(path, args.recorded_rate)
+               for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False)]
     motions = _common(motions, args.joints)
     checkpoint = args.output + '.checkpoint'
     with tqdm(desc='training', unit='it', disable=None, leave=False) as bar:
@@ -99,10 +98,6 @@ def run(args):
     print(f'{machine.dof} style coordinates explain {shares}')
     print(f'wrote {args.output}')
 
-
-def _read(path, recorded_rate):
-    options = {'rate_hz': recorded_rate} if recorded_rate and path.lower().endswith('.amc') else {}
-    return continuous(read_motion(path, **options)).replace(name=Path(path).stem)
 
 
 def _common(motions, patterns):
