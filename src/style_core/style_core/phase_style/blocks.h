@@ -39,7 +39,7 @@ typedef struct {
     const double *y;
     const unsigned char *observed;
     /* time step */
-    double dt, rho, f11, f12, f21, f22, fast_rate2;
+    double dt, rho, f11, f12, f21, f22, fast_rate;
     double load[3][3], back[3][3], mix[3][MOST], decay[MOST], renewal[3];
     /* linearisation */
     double w[MOST], s[MOST], thin;

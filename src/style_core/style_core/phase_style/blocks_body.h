@@ -71,8 +71,8 @@ static inline void NAME(arrow_blank)(const arrow *f, double *A, double *V, const
     memset(A, 0, (char *)constants - (char *)A);
     for (int a = 0; a < f->n; a++) {
         const v4 *prior = CROW(constants, a == 0 ? 1 : a < 3 ? 2 : 4 + (a - 3) / 2);
-        const double scale = a == 2 ? f->fast_rate2 : 1.0;  /* the fast residual's velocity */
-        EACH ROW(V, TRI(a, a))[k] = scale * prior[k];
+        const double rate = a == 2 ? f->fast_rate : 1.0;  /* the fast residual's velocity */
+        EACH ROW(V, TRI(a, a))[k] = prior[k] * rate * rate;
     }
 }
 
@@ -111,7 +111,7 @@ static inline void NAME(arrow_step)(const arrow *f, double *A, double *V, double
         v4 *v10 = ROW(V, TRI(1, 0)), *v20 = ROW(V, TRI(2, 0));
         v4 *v11 = ROW(V, TRI(1, 1)), *v21 = ROW(V, TRI(2, 1)), *v22 = ROW(V, TRI(2, 2));
         const v4 *fast = CROW(constants, 2);
-        const double r2 = f->fast_rate2;
+        const double r2 = f->fast_rate * f->fast_rate;
         const double q11 = 1 - f11 * f11 - r2 * f12 * f12, q21 = -f21 * f11 - r2 * f22 * f12;
         const double q22 = r2 - f21 * f21 - r2 * f22 * f22;
         EACH {

@@ -28,7 +28,7 @@ cdef extern from "blocks.h":
         double logs, worst
         const double *y
         const unsigned char *observed
-        double dt, rho, f11, f12, f21, f22, fast_rate2
+        double dt, rho, f11, f12, f21, f22, fast_rate
         double load[3][3]
         double back[3][3]
         double mix[3][60]
@@ -630,7 +630,7 @@ cdef class ArrowFilter(Filter):
         self.f.blocks, self.f.channels, self.f.width = table.blocks, table.channels, table.width
         self.constants = n * m + n * (n + 1) // 2 + 2 * n + m + 2
         self.f.rows = self.constants + 4 + self.harmonics
-        self.f.fast_rate2 = self.fast_rate * self.fast_rate
+        self.f.fast_rate = self.fast_rate
         self.memory = aligned(table.blocks * self.f.rows * LANES)
         self.sums = aligned(4 * (m * (m + 1) // 2 + m + 1))
         self.rows = aligned(KNOTS * (1 + self.styles) * table.width)
@@ -1041,7 +1041,7 @@ cdef class ArrowFilter(Filter):
         """Mark channels in ``used`` whose error has more than so many squared standard deviations; returns how many."""
         cdef int d, i, j, found = 0, m = self.common
         cdef int inverse = self.constants - 2  # row of a block; the error's follows, those of the derivatives lie before
-        cdef double size, variance, part
+        cdef double size, variance
         cdef const double* cell
         cdef const double* g
         cdef const double* P = &self.P[0, 0]
@@ -1055,10 +1055,8 @@ cdef class ArrowFilter(Filter):
             g = cell - (self.states + m) * LANES
             variance = 1 / cell[0]
             for i in range(m):
-                part = 0
                 for j in range(m):
-                    part += P[i * m + j] * g[j * LANES]
-                variance += g[i * LANES] * part
+                    variance += g[i * LANES] * P[i * m + j] * g[j * LANES]
             if size > squares * variance:
                 self._used[d] = MARKED
                 found += 1
