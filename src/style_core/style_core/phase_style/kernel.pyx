@@ -516,6 +516,9 @@ cdef unsigned char MARKED = 2
 cdef class Filter:
     """What a search asks of a filter; see `ArrowFilter`."""
 
+    def __cinit__(self, *_, **__):
+        self.c = np.zeros(2)
+
     cpdef start(self, double phase, double velocity, double phase_variance, double velocity_variance):
         """Begin anew."""
         raise NotImplementedError
