@@ -115,9 +115,6 @@ static inline void paper_ahead(const paper *f, const cubic *at, double extra, do
 { BEST(paper_ahead, f, at, extra, phase_variance, speed, mean, std, velocity); }
 static inline void glance_scores(glance *f, int count, const int *node, double *scores)
 { BEST(glance_scores, f, count, node, scores); }
-/* fetch memory into the caches */
-static inline void fetch(const void *from, long bytes)
-{ for (long k = 0; k < bytes; k += 64) __builtin_prefetch((const char *)from + k, 0, 3); }
 static inline void between(double share, const double *a, const double *b, double *out, int n)
 { for (int k = 0; k < n; k++) out[k] = (1 - share) * a[k] + share * b[k]; }
 

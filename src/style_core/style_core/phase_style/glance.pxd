@@ -32,6 +32,5 @@ cdef class Glance:
     cdef double _take(self, const double[:, ::1] y, const unsigned char[:, ::1] observed) except *
     cdef void _rank(self, const double[::1] back, double velocity, double constant) noexcept nogil
     cdef void _best(self, int samples, double[::1] scores, double[::1] phases) noexcept nogil
-    cdef void warm(self) noexcept nogil
     cdef double _rate(self) noexcept nogil
     cdef int _node(self, double at) noexcept nogil

@@ -4,7 +4,7 @@ import numpy as np
 from libc.math cimport INFINITY, NAN, isnan
 from libc.string cimport memset
 
-from style_core.phase_style.kernel cimport TWO_PI, aligned_single, fetch, wrapped
+from style_core.phase_style.kernel cimport TWO_PI, aligned_single, wrapped
 
 cdef extern from "blocks.h":
     void glance_scores(glance*, int, const int*, double*) noexcept nogil
@@ -90,10 +90,6 @@ cdef class Glance:
     cdef double _rate(self) noexcept nogil:
         """Nodes a unit of phase."""
         return self._nodes / TWO_PI if self._rhythmic else self._nodes
-
-    cdef void warm(self) noexcept nogil:
-        """Have the tables in the caches."""
-        fetch(&self._tables[0], self._tables.shape[0] * sizeof(float))
 
     def rank(self, const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back,
              double velocity):

@@ -3,7 +3,6 @@ from libc.math cimport floor
 
 cdef extern from "blocks.h":
     double TWO_PI
-    void fetch(const void*, long) noexcept nogil
 
 cdef float[::1] aligned_single(long count)
 
@@ -23,5 +22,4 @@ cdef class Filter:
     cpdef copy(self, Filter of)
     cpdef believe(self, double limit=*, double few=*, double rest=*, bint whole=*)
     cpdef update(self, const double[::1] y, const unsigned char[::1] observed, double dt)
-    cdef void warm(self) noexcept nogil
     cpdef double surprise(self, const double[::1] y, const unsigned char[::1] observed, double ahead) except? -1

@@ -535,9 +535,6 @@ cdef class Filter:
         """Advance and take one observation."""
         raise NotImplementedError
 
-    cdef void warm(self) noexcept nogil:
-        """Have the states in the caches."""
-
     cpdef double surprise(self, const double[::1] y, const unsigned char[::1] observed, double ahead) except? -1:
         """How unexpected a later observation is."""
         raise NotImplementedError
@@ -1180,9 +1177,6 @@ cdef class ArrowFilter(Filter):
         if H:
             self._predict(horizons, &memory[0, 0, 0], &memory[1, 0, 0], &memory[2, 0, 0])
         return out[0], out[1], out[2]
-
-    cdef void warm(self) noexcept nogil:
-        fetch(&self.memory[0], self.memory.shape[0] * sizeof(double))
 
     cdef void _fill(self) noexcept nogil:
         if self.f.blank:

@@ -257,15 +257,6 @@ cdef class Search:
         self.leader.judge()
         if self._rejects:
             self.leader.filter.believe(LIMIT, FEW, EXPLAINS)
-        self._warm()
-
-    cdef _warm(self):
-        """What the next sample will need lies in no cache: get it while there is time."""
-        cdef list free = self._free[self._turn]
-        cdef Filter one
-        (<Glance>self.glances[self._turn]).warm()
-        for one in free[-2:]:
-            one.warm()
 
     cdef _keep(self):
         """A leader that refused what called this search stays as it is; a copy takes its place."""
