@@ -253,12 +253,12 @@ def print_peers(paper_model, full_model, y):
 
 def print_search(behaviour, unknown):
     """Another person, in another phase, every two seconds: what the search costs."""
-    jumps = np.concatenate([unknown[k % 4][37 * k:37 * k + 120] for k in range(12)])
-    times, status = interleaved({'full': (lambda: FullPredictor([behaviour]), jumps)}, rounds=80, warm=0)
+    jumps, rounds = np.concatenate([unknown[k % 4][37 * k:37 * k + 120] for k in range(12)]), 80
+    times, status = interleaved({'full': (lambda: FullPredictor([behaviour]), jumps)}, rounds, warm=0)
     # the same frames in every round: the lowest of each is its cost without what else ran on the machine
     lowest, searching = times['full'].min(axis=0), status['full'] != Status.TRACKING
     print(f'\nfull filter, a new person every two seconds; searching in {searching.mean():.0%} of the frames')
-    print(f'{"":28s} {"update":>9s} {"both":>9s}  us, the lowest of 80 rounds for every frame')
+    print(f'{"":28s} {"update":>9s} {"both":>9s}  us, the lowest of {rounds} rounds for every frame')
     for name, chosen in (('tracking, median', ~searching), ('searching, median', searching)):
         print(f'{name:28s} {np.median(lowest[chosen, 0]):9.1f} {np.median(lowest[chosen].sum(axis=1)):9.1f}')
     for name, share in (('all, 99th percentile', 99), ('all, highest', 100)):

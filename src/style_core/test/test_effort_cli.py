@@ -58,6 +58,15 @@ def test_train_restyle_and_info(recordings, capsys):
     assert 'computed' in capsys.readouterr().out
 
 
+def test_a_rate_for_a_recording_that_says_its_own_is_refused(recordings, capsys):
+    folder, motions = recordings
+    assert train(folder, motions) == 0
+    assert main(['effort', str(folder / 'source.csv'), '--library', str(folder / 'lib.npz'), '--weight', '2', '-o',
+                 str(folder / 'out.csv'), '--recorded-rate', '120']) == 1
+    assert 'rate_hz means nothing for .csv' in capsys.readouterr().err
+    assert not (folder / 'out.csv').exists()
+
+
 def test_table_of_fragments(recordings, capsys):
     folder, motions = recordings
     long = concatenate(motions)

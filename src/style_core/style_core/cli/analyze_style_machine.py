@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from style_core.cli.recordings import add_recorded_rate, read_recording
+from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import UsageError
 
 __all__ = ['add_arguments', 'run']
@@ -41,7 +41,7 @@ def run(args):
     machine = load(args.model)
     found = []
     for path in args.files:
-        one = analyze(machine, read_recording(path, args.recorded_rate))
+        one = analyze(machine, named_recording(path, args.recorded_rate))
         found.append(one)
         print(json.dumps(_record(one)) if args.json else _text(machine, one))
     if args.map:

@@ -10,8 +10,7 @@ what came before.
 import numpy as np
 
 from style_core.cli.number import Number
-from style_core.cli.recordings import add_recorded_rate, read_recording
-from style_core.cli.train_locomotion import read_recordings
+from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import MotionError, UsageError
 from style_core.formats import write_motion
 from style_core.locomotion.infer import fill
@@ -41,11 +40,11 @@ def run(args):
     model = load(args.model)
     if not (args.output or args.score):
         raise UsageError('say where to write (-o) or ask for --score')
-    present = set(read_recording(args.file, args.recorded_rate).joint_names)
+    given = named_recording(args.file, args.recorded_rate)
+    present = set(given.joint_names)
     known = [name for name in model.joint_names if name in present]
     if not known:
         raise MotionError(f'{args.file} has none of the joints of the model')
-    (given,) = read_recordings([args.file], args.recorded_rate, known)
     positions = np.full((given.n_frames, len(model.joint_names)), np.nan)
     positions[:, [model.joint_names.index(name) for name in known]] = given.joints(known).positions
     whole = given.replace(joint_names=model.joint_names, positions=positions, units=model.features.units)

@@ -5,7 +5,7 @@ from style_core.angles import continuous
 from style_core.cli.number import Positive
 from style_core.formats import read_motion
 
-__all__ = ['add_recorded_rate', 'read_recording']
+__all__ = ['add_recorded_rate', 'read_recording', 'named_recording']
 
 
 def add_recorded_rate(parser):
@@ -14,7 +14,12 @@ def add_recorded_rate(parser):
                         help='rate of recordings whose format does not say it (AMC; default: 120)')
 
 
-def read_recording(path, recorded_rate=None, skeleton=None):
-    """A recording with continuous angles, named by its file; ``recorded_rate`` counts where the format says none."""
+def read_recording(path, recorded_rate=None):
+    """A recording with continuous angles; ``recorded_rate`` counts where the format says none."""
     options = {'rate_hz': recorded_rate} if recorded_rate and Path(path).suffix.lower() == '.amc' else {}
-    return continuous(read_motion(path, skeleton=skeleton, **options)).replace(name=Path(path).stem)
+    return continuous(read_motion(path, **options))
+
+
+def named_recording(path, recorded_rate=None):
+    """The same, named by its file whatever name it carries."""
+    return read_recording(path, recorded_rate).replace(name=Path(path).stem)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from style_core.cli.number import Positive, Seed
-from style_core.cli.recordings import add_recorded_rate, read_recording
+from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import UsageError
 from style_core.formats import skeleton_of, write_motion
 from style_core.skeleton import read_skeleton
@@ -53,7 +53,7 @@ def run(args):
         raise UsageError('--picture needs --skeleton')
     recording = None
     if args.content:
-        recording = read_recording(args.content, args.recorded_rate)
+        recording = named_recording(args.content, args.recorded_rate)
         found = analyze(machine, recording)
         style = machine.style(found.v if args.style is None else args.style)
         motion = synthesize(machine, found.gamma, style, None if args.keep_timing else found.emission.dwell)

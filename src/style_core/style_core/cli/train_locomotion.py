@@ -14,7 +14,7 @@ from dataclasses import replace
 from tqdm import tqdm
 
 from style_core.cli.number import Count, Positive, Seed
-from style_core.cli.recordings import add_recorded_rate, read_recording
+from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import UsageError
 from style_core.formats.files import read_table
 from style_core.locomotion.choose import choose_styles
@@ -54,7 +54,7 @@ def read_recordings(files, recorded_rate=None, joints=None):
     says."""
     motions = []
     for path in tqdm(files, desc='reading', unit='file', disable=None, leave=False):
-        motion = read_recording(path, recorded_rate)
+        motion = named_recording(path, recorded_rate)
         excluded = [f'!*{word}*' for word in ('fingers', 'thumb') if any(word in name for name in motion.joint_names)]
         if joints or excluded:
             motion = motion.select(*(joints or excluded))

@@ -19,7 +19,7 @@ new person is learned by leaving one person out after the other.
 from tqdm import tqdm
 
 from style_core.cli.number import Count, Positive
-from style_core.cli.recordings import add_recorded_rate, read_recording
+from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import UsageError
 from style_core.phase_style import learn_correction, save_behaviours
 from style_core.phase_style.training import RATE_HZ, common_joints, to_sequence, train
@@ -66,7 +66,7 @@ def run(args):
     paths = sorted({file for (_, *files), _ in groups for file in files})
     motions = {}
     for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
-        motions[path] = read_recording(path, args.recorded_rate)
+        motions[path] = named_recording(path, args.recorded_rate)
     joints = common_joints(list(motions.values()), args.joints)
     phase_of = None
     if args.aligned_by:

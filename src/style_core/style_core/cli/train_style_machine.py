@@ -17,7 +17,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from style_core.cli.number import Count, Number, Positive, Seed
-from style_core.cli.recordings import add_recorded_rate, read_recording
+from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import UsageError
 from style_core.formats import skeleton_of
 from style_core.model_file import training_files
@@ -76,7 +76,7 @@ def run(args):
              'heat': args.heat, 'cross_entropy': args.cross_entropy, 'init': args.init}
     settings = Settings(**{key: value for key, value in given.items() if value is not None})
     skeleton = read_skeleton(args.skeleton) if args.skeleton else skeleton_of(paths[0])
-    motions = [read_recording(path, args.recorded_rate)
+    motions = [named_recording(path, args.recorded_rate)
                for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False)]
     motions = _common(motions, args.joints)
     checkpoint = args.output + '.checkpoint'
