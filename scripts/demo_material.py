@@ -7,12 +7,12 @@ import numpy as np
 from style_core import datasets
 from style_core.errors import MotionError
 from style_core.formats import skeleton_of, write_motion
-from style_core.live.player import loop_cut
 from style_core.model_file import read_header
 from style_core.motion import Motion
 from style_core.phase_style import save_behaviours
 from style_core.phase_style.training import train
 from style_core.skeleton import Skeleton, read_skeleton
+from style_core.synthesis.player import loop_cut
 from style_core.synthetic import synthetic_people
 
 __all__ = ['Material', 'material']

@@ -28,7 +28,7 @@ def seeds(suffix, folder):
     from style_core.motion import Motion
     sys.path.insert(0, str(ROOT / 'src' / 'style_core' / 'test'))
     import test_fuzz
-    import test_live_joint_state_reader as live
+    import test_wire_joint_state_reader as live
     target = folder / f'seed{suffix}'
     if suffix in test_fuzz.SEEDS:
         target.write_text(test_fuzz.SEEDS[suffix])
@@ -43,8 +43,8 @@ def reader(suffix, folder):
     """A function of bytes that raises where a reader does what it must not."""
     from style_core.errors import MotionError
     from style_core.formats import read_motion
-    from style_core.live.joint_state_reader import JointStateReader
     from style_core.skeleton import read_skeleton
+    from style_core.wire.joint_state_reader import JointStateReader
     path, states = folder / f'fuzzed{suffix}', JointStateReader()
 
     def once(data):
@@ -82,7 +82,7 @@ def main():
     with atheris.instrument_imports(include=['style_core']):
         for module in ('amc', 'asf', 'bag', 'bvh', 'csv', 'files', 'npz', 'urdf'):
             importlib.import_module(f'style_core.formats.{module}')
-        importlib.import_module('style_core.live.joint_state_reader')
+        importlib.import_module('style_core.wire.joint_state_reader')
         importlib.import_module('style_core.skeleton')
     folder = Path(tempfile.mkdtemp(prefix='fuzz_readers_'))
     corpus = args.corpus or folder / 'corpus'

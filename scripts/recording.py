@@ -14,7 +14,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from style_msgs.msg import MotionPrediction, StyleEstimate
-from style_predictor.templates import MessageTemplate, stamps_of
+from style_node.templates import MessageTemplate, stamps_of
 
 __all__ = ['Recorder']
 

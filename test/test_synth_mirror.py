@@ -19,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from style_core.formats import write_motion
 from style_core.synthesis.retargeting import read_robot
-from style_core.synthesis.sources import hermite
+from style_core.synthesis.sources.source import hermite
 from style_core.synthetic import synthetic_people
 from style_msgs.msg import BridgeState, SynthesisStatus
 

@@ -24,7 +24,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from style_core.formats import write_motion
 from style_core.phase_style import load_behaviours
-from style_core.synthesis.cycle import CycleSource
+from style_core.synthesis.sources.phase_style import CycleSource
 from style_core.synthetic import synthetic_gait
 from style_msgs.action import Synthesize
 from style_msgs.msg import StateSequence, StyleEstimate, StyleVector, SynthesisStatus

@@ -44,7 +44,7 @@ from style_core.synthesis.repertoire import load_repertoire
 from style_core.synthesis.retargeting import plain_robot
 from style_core.synthesis.stage import Stage
 from style_msgs.msg import BridgeState, StyleEstimate
-from style_predictor.templates import MessageTemplate, stamps_of
+from style_node.templates import MessageTemplate, stamps_of
 from style_servo.record import read_record
 
 ROOT = Path(__file__).resolve().parents[2]

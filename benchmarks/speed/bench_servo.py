@@ -21,8 +21,8 @@ import machine
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from style_core.live.limiter import Limiter
-from style_core.live.playback import Playback, make_track
+from style_core.follow.limiter import Limiter
+from style_core.follow.playback import Playback, make_track
 
 ROOT = Path(__file__).resolve().parents[2]
 RATE = 200.0

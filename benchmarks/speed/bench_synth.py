@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from style_core.style_machine import random_walk
-from style_core.synthesis.performed import MachineSource
 from style_core.synthesis.performer import Performer, window_times
 from style_core.synthesis.repertoire import load_repertoire
 from style_core.synthesis.retargeting import read_robot
+from style_core.synthesis.sources.style_machine import MachineSource
 from style_core.synthesis.stage import Stage
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'

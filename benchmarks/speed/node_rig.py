@@ -17,9 +17,9 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from style_predictor.executor import run
+from style_node.executor import run
+from style_node.templates import MessageTemplate, stamps_of
 from style_predictor.predictor_node import PredictorNode
-from style_predictor.templates import MessageTemplate, stamps_of
 
 INPUT, OUTPUT = '/joint_states', '/predictor/trajectory'
 #: where the stamp of a serialised message with a header is

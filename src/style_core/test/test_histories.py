@@ -14,7 +14,6 @@ from style_core.errors import ModelError, MotionError, UsageError
 from style_core.evaluation import paper_horizons, roll_out
 from style_core.formats import write_motion
 from style_core.histories import HistorySearch, RecentPast, gather
-from style_core.live.loading import load_live
 from style_core.motion import Motion
 from style_core.phase_style import (
     CorrectedPredictor,
@@ -30,6 +29,7 @@ from style_core.phase_style.model import Correction
 from style_core.phase_style.residual import learn_residual
 from style_core.predictor import Status
 from style_core.predictors import read_predictor
+from style_core.stream.loading import load_live
 
 RATE = 60.0
 AHEAD = paper_horizons()

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from style_core.errors import UsageError
-from style_core.live.limiter import CLAMP, LATTICE, PASS, REJECT, Limiter
+from style_core.follow.limiter import CLAMP, LATTICE, PASS, REJECT, Limiter
 
 PERIOD = 0.005
 

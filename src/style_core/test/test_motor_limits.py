@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from style_core.phase_style import load_behaviours
-from style_core.synthesis.cycle import CycleSource
 from style_core.synthesis.motor_limits import RETURN_S, SHARE, MotorLimits
 from style_core.synthesis.performer import Performer, window_times
 from style_core.synthesis.retargeting import read_robot
+from style_core.synthesis.sources.phase_style import CycleSource
 
 CONFIG = Path(__file__).resolve().parents[3] / 'config'
 AHEAD = window_times(0.02, 0.4)

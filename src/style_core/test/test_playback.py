@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BPoly, CubicHermiteSpline, PchipInterpolator
 
 from style_core.errors import MotionError
-from style_core.live.playback import Playback, make_track
+from style_core.follow.playback import Playback, make_track
 
 REST = np.zeros(3), np.zeros(3)
 

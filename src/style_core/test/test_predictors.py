@@ -10,11 +10,11 @@ from style_core import locomotion, style_machine
 from style_core.cli import main
 from style_core.errors import ModelError, MotionError, UsageError
 from style_core.formats import read_motion, write_motion
-from style_core.live.joint_map import identity_map
-from style_core.live.loading import load_live
-from style_core.live.stream import PredictorStream, StreamSettings
 from style_core.model_file import save_model
 from style_core.predictors import read_predictor
+from style_core.stream.joint_map import identity_map
+from style_core.stream.loading import load_live
+from style_core.stream.stream import PredictorStream, StreamSettings
 
 AHEAD = np.array([0.1, 0.2])
 KINDS = ('phase-style', 'locomotion', 'style-machine')

@@ -10,13 +10,13 @@ from style_core.errors import ModelError, MotionError, UsageError
 from style_core.motion import Motion
 from style_core.phase_style import load_behaviours
 from style_core.style_machine import Settings, learn, random_walk
-from style_core.synthesis.cycle import CycleSource, FollowSource
 from style_core.synthesis.glide import Glide
-from style_core.synthesis.performed import MachineSource, frames_of_occupancy, frames_of_states
 from style_core.synthesis.performer import Performer, window_times
-from style_core.synthesis.recorded import MotionFileSource
 from style_core.synthesis.retargeting import plain_robot
-from style_core.synthesis.sources import read_style
+from style_core.synthesis.sources.phase_style import CycleSource, FollowSource
+from style_core.synthesis.sources.recording import MotionFileSource
+from style_core.synthesis.sources.source import read_style
+from style_core.synthesis.sources.style_machine import MachineSource, frames_of_occupancy, frames_of_states
 
 MODELS = Path(__file__).resolve().parents[3] / 'config' / 'models'
 TICK = 0.01

@@ -9,8 +9,8 @@ from style_core.formats import write_motion
 from style_core.motion import concatenate
 from style_core.synthesis.performer import window_times
 from style_core.synthesis.repertoire import list_models, load_repertoire
-from style_core.synthesis.restyled import RestyledSource
 from style_core.synthesis.retargeting import plain_robot
+from style_core.synthesis.sources.effort import RestyledSource
 from style_core.synthesis.stage import Stage
 
 AHEAD = window_times(0.02, 0.4)

@@ -3,17 +3,16 @@ import json
 
 import numpy as np
 from builtin_interfaces.msg import Duration
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from style_core.live.stamp_policy import NANOSECONDS
+from style_core.stream.stamp_policy import NANOSECONDS
 from style_msgs.msg import MotionPrediction, StyleEstimate
-from style_predictor.templates import MessageTemplate
+from style_node.templates import MessageTemplate
 
-__all__ = ['Outputs', 'Writers', 'diagnostics_message']
+__all__ = ['Outputs', 'Writers']
 
 _FROM_PREDICTION = {'trajectory', 'prediction', 'ahead'}
 
@@ -147,12 +146,3 @@ class Outputs:
             'behaviours': {name: 'rhythmic' if rhythmic else 'discrete' for name, rhythmic in live.rhythmic.items()},
             'model_joints': list(live.predictor.joint_names), 'robot_joints': list(stream.robot_joints),
             'horizons_s': [round(float(ahead), 9) for ahead in horizons]})))
-
-
-def diagnostics_message(stamp, name, health, hardware=''):
-    """DiagnosticArray with one status."""
-    status = DiagnosticStatus(level=bytes([health.level]), name=name, message=health.summary, hardware_id=hardware,
-                              values=[KeyValue(key=key, value=value) for key, value in health.facts.items()])
-    message = DiagnosticArray(status=[status])
-    message.header.stamp = stamp
-    return message

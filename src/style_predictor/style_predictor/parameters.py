@@ -4,10 +4,10 @@ from dataclasses import fields
 import numpy as np
 
 from style_core.errors import UsageError
-from style_core.live.parameter_table import Parameter, ParameterTable
-from style_core.live.player import STAMP_MODES, Faults
-from style_core.live.stream import StreamSettings
 from style_core.phase_style import METHODS
+from style_core.stream.stream import StreamSettings
+from style_core.synthesis.player import STAMP_MODES, Faults
+from style_node.parameter_table import Parameter, ParameterTable
 
 __all__ = ['LOOPS', 'PLAYER', 'PREDICTOR', 'faults_of', 'horizons_of', 'settings_of']
 

@@ -11,13 +11,13 @@ from sensor_msgs.msg import JointState
 from style_core.angles import continuous
 from style_core.errors import UsageError
 from style_core.formats import read_motion
-from style_core.live.joint_map import identity_map, read_joint_map
-from style_core.live.player import loop_cut, play
-from style_core.live.stamp_policy import NANOSECONDS
 from style_core.skeleton import read_skeleton
-from style_predictor.executor import run
+from style_core.stream.joint_map import identity_map, read_joint_map
+from style_core.stream.stamp_policy import NANOSECONDS
+from style_core.synthesis.player import loop_cut, play
+from style_node.executor import run
+from style_node.ros_parameters import declare, values_of, watch
 from style_predictor.parameters import PLAYER, faults_of
-from style_predictor.ros_parameters import declare, values_of, watch
 
 __all__ = ['PlayerNode', 'main']
 

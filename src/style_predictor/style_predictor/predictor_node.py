@@ -17,17 +17,18 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from style_core.errors import MotionError, UsageError
-from style_core.live.health import WARN, Health, health_of
-from style_core.live.joint_map import identity_map, read_joint_map
-from style_core.live.joint_state_reader import JointStateReader
-from style_core.live.loading import load_live
-from style_core.live.stream import PredictorStream
+from style_core.stream.health import WARN, Health, health_of
+from style_core.stream.joint_map import identity_map, read_joint_map
+from style_core.stream.loading import load_live
+from style_core.stream.stream import PredictorStream
+from style_core.wire.joint_state_reader import JointStateReader
 from style_msgs.srv import LoadModel, ResetEstimate, SetMask
-from style_predictor.executor import run
-from style_predictor.lifecycle import SoundLifecycleNode, transition
-from style_predictor.outputs import Outputs, Writers, diagnostics_message
+from style_node.diagnostics import diagnostics_message
+from style_node.executor import run
+from style_node.lifecycle import SoundLifecycleNode, transition
+from style_node.ros_parameters import declare, values_of, watch
+from style_predictor.outputs import Outputs, Writers
 from style_predictor.parameters import PREDICTOR, horizons_of, settings_of
-from style_predictor.ros_parameters import declare, values_of, watch
 
 __all__ = ['PredictorNode', 'main']
 

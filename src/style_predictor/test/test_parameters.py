@@ -6,9 +6,9 @@ import pytest
 import yaml
 
 from style_core.errors import UsageError
-from style_core.live.joint_map import read_joint_map
-from style_core.live.player import Faults
-from style_core.live.stream import StreamSettings
+from style_core.stream.joint_map import read_joint_map
+from style_core.stream.stream import StreamSettings
+from style_core.synthesis.player import Faults
 from style_core.synthetic import synthetic_gait
 from style_predictor.parameters import PLAYER, PREDICTOR, faults_of, horizons_of, settings_of
 

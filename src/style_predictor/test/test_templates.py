@@ -5,13 +5,13 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from style_core.live.joint_map import JointMap, JointRule, identity_map
-from style_core.live.loading import LiveModel
-from style_core.live.stream import Outlook, Step
 from style_core.predictor import Estimate, Status
+from style_core.stream.joint_map import JointMap, JointRule, identity_map
+from style_core.stream.loading import LiveModel
+from style_core.stream.stream import Outlook, Step
 from style_msgs.msg import MotionPrediction, StyleEstimate
+from style_node.templates import MessageTemplate, stamps_of
 from style_predictor.outputs import Writers
-from style_predictor.templates import MessageTemplate, stamps_of
 
 NAMES = ('hip', 'knee', 'Knöchel')
 HORIZONS = np.array([0.1, 0.25, 1.75])

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from style_core.errors import MotionError, UsageError
-from style_core.live.limiter import CLAMP, REJECT, Limiter
-from style_core.live.playback import Playback, make_track
+from style_core.follow.limiter import CLAMP, REJECT, Limiter
+from style_core.follow.playback import Playback, make_track
 from style_servo.backend import BackendFault
 from style_servo.states import Event, State, StateMachine
 

@@ -4,7 +4,7 @@ from collections import deque
 
 import numpy as np
 
-from style_core.live.health import ERROR, OK, WARN, Health
+from style_core.stream.health import ERROR, OK, WARN, Health
 from style_servo.states import State
 
 __all__ = ['CycleTimes', 'health_of_bridge']

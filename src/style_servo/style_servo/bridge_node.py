@@ -21,15 +21,15 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from style_core.errors import MotionError, UsageError
-from style_core.live.health import WARN, Health
-from style_core.live.limiter import PASS
-from style_core.live.stamp_policy import NANOSECONDS
+from style_core.follow.limiter import PASS
+from style_core.stream.health import WARN, Health
+from style_core.stream.stamp_policy import NANOSECONDS
 from style_msgs.msg import BridgeState
-from style_predictor.executor import run
-from style_predictor.lifecycle import SoundLifecycleNode, transition
-from style_predictor.outputs import diagnostics_message
-from style_predictor.ros_parameters import declare, values_of, watch
-from style_predictor.templates import MessageTemplate
+from style_node.diagnostics import diagnostics_message
+from style_node.executor import run
+from style_node.lifecycle import SoundLifecycleNode, transition
+from style_node.ros_parameters import declare, values_of, watch
+from style_node.templates import MessageTemplate
 from style_servo.backend import BackendFault
 from style_servo.bridge import Bridge
 from style_servo.bridge_health import CycleTimes, health_of_bridge

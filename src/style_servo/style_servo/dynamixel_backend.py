@@ -22,7 +22,7 @@ from dynamixel_sdk import (
 from dynamixel_sdk.protocol2_packet_handler import Protocol2PacketHandler
 
 from style_core.errors import UsageError
-from style_core.live.crc16 import crc16
+from style_core.wire.crc16 import crc16
 from style_servo.backend import BackendFault, Measurement
 from style_servo.control_table import control_table, model_named, models
 

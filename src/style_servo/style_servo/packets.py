@@ -1,6 +1,6 @@
 """Dynamixel Protocol 2.0 packets: CRC, byte stuffing, parsing and building. Used by the simulated bus."""
 
-from style_core.live.crc16 import crc16
+from style_core.wire.crc16 import crc16
 
 __all__ = ['BROADCAST', 'crc16', 'stuff', 'unstuff', 'packet', 'status', 'Parser', 'Instruction', 'Error']
 

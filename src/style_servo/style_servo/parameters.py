@@ -1,7 +1,7 @@
 """Parameters of the bridge node."""
 from dataclasses import fields
 
-from style_core.live.parameter_table import Parameter, ParameterTable
+from style_node.parameter_table import Parameter, ParameterTable
 from style_servo.bridge import BridgeSettings
 
 __all__ = ['BRIDGE', 'bridge_settings']

@@ -4,7 +4,7 @@ import sys
 import numpy as np
 
 from style_core.errors import MotionError
-from style_core.live.cdr import POINT_FIELDS, StampedNamesReader, copy_points
+from style_core.wire.cdr import POINT_FIELDS, StampedNamesReader, copy_points
 from style_servo.bridge import Points
 
 __all__ = ['TrajectoryReader']

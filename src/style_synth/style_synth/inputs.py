@@ -6,7 +6,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from style_core.errors import ModelError, UsageError
-from style_core.live.stamp_policy import NANOSECONDS
+from style_core.stream.stamp_policy import NANOSECONDS
 from style_core.synthesis.repertoire import Score
 from style_msgs.msg import StateSequence, StyleEstimate, StyleVector
 

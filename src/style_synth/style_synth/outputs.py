@@ -7,9 +7,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from style_core.live.stamp_policy import NANOSECONDS
+from style_core.stream.stamp_policy import NANOSECONDS
 from style_msgs.msg import StyleVector, SynthesisStatus
-from style_predictor.templates import MessageTemplate
+from style_node.templates import MessageTemplate
 
 __all__ = ['Outputs', 'status_message', 'style_message', 'trajectory_message']
 

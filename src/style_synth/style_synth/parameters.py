@@ -1,9 +1,9 @@
 """The parameters of the synthesizer: what they are called, what they mean, and what must hold between them."""
 from style_core.errors import UsageError
-from style_core.live.parameter_table import Parameter, ParameterTable
 from style_core.synthesis.performer import window_times
 from style_core.synthesis.repertoire import MODES, FollowSettings
 from style_core.synthesis.stage import StageSettings
+from style_node.parameter_table import Parameter, ParameterTable
 
 __all__ = ['SYNTHESIZER', 'options_of', 'settings_of', 'window_of']
 

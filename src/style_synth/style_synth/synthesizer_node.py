@@ -10,17 +10,17 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from style_core.errors import ModelError, MotionError, UsageError
-from style_core.live.health import WARN, Health
-from style_core.live.stamp_policy import NANOSECONDS
-from style_core.live.tally import Tally
+from style_core.stream.health import WARN, Health
+from style_core.stream.stamp_policy import NANOSECONDS
+from style_core.stream.tally import Tally
 from style_core.synthesis.health import synthesis_health
 from style_core.synthesis.repertoire import list_models, load_repertoire
 from style_core.synthesis.retargeting import plain_robot, read_robot
 from style_core.synthesis.stage import Stage
-from style_predictor.executor import run
-from style_predictor.lifecycle import SoundLifecycleNode, transition
-from style_predictor.outputs import diagnostics_message
-from style_predictor.ros_parameters import declare, values_of, watch
+from style_node.diagnostics import diagnostics_message
+from style_node.executor import run
+from style_node.lifecycle import SoundLifecycleNode, transition
+from style_node.ros_parameters import declare, values_of, watch
 from style_synth.action import SynthesizeServer
 from style_synth.inputs import Inputs
 from style_synth.outputs import Outputs, status_message

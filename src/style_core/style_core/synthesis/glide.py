@@ -1,7 +1,7 @@
 """Values that change smoothly to wherever they are told to go, at any moment, also on the way."""
 import numpy as np
 
-from style_core.live.playback import quintic
+from style_core.follow.playback import quintic
 
 __all__ = ['Glide']
 

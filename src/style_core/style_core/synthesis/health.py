@@ -1,5 +1,5 @@
 """How synthesis is doing, as /diagnostics show it."""
-from style_core.live.health import OK, WARN, Health
+from style_core.stream.health import OK, WARN, Health
 
 __all__ = ['synthesis_health']
 
@@ -15,7 +15,7 @@ def synthesis_health(stage, tally):
     Parameters
     ----------
     stage : Stage
-    tally : style_core.live.tally.Tally
+    tally : style_core.stream.tally.Tally
         With times of ``window``, and counts of ``windows``, ``missed deadlines``, and what was refused.
 
     Returns

@@ -2,7 +2,7 @@
 import numpy as np
 
 from style_core.errors import ModelError
-from style_core.live.playback import quintic
+from style_core.follow.playback import quintic
 from style_core.synthesis.motor_limits import MotorLimits
 
 __all__ = ['Performer', 'window_times']

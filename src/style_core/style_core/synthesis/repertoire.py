@@ -11,9 +11,9 @@ from style_core.errors import ModelError, UsageError
 from style_core.formats import read_motion
 from style_core.model_file import read_header
 from style_core.skeleton import read_skeleton
-from style_core.synthesis.cycle import CycleSource, FollowSource
-from style_core.synthesis.performed import MachineSource, frames_of_occupancy, frames_of_states
-from style_core.synthesis.recorded import MotionFileSource
+from style_core.synthesis.sources.phase_style import CycleSource, FollowSource
+from style_core.synthesis.sources.recording import MotionFileSource
+from style_core.synthesis.sources.style_machine import MachineSource, frames_of_occupancy, frames_of_states
 
 __all__ = ['MODES', 'FollowSettings', 'Repertoire', 'Score', 'load_repertoire', 'list_models']
 
@@ -27,7 +27,7 @@ _KINDS = (phase_style.KIND, style_machine.KIND, _EFFORT)
 
 @dataclass(frozen=True)
 class FollowSettings:
-    """See `style_core.synthesis.cycle.FollowSource`."""
+    """See `style_core.synthesis.sources.phase_style.FollowSource`."""
 
     stiffness: float = 6.0
     patience: float = 0.1
@@ -121,7 +121,7 @@ class Repertoire:
         if mode == 'file':
             return MotionFileSource(self.recording, loop, speed)
         if mode == 'effort':
-            from style_core.synthesis.restyled import RestyledSource
+            from style_core.synthesis.sources.effort import RestyledSource
             return RestyledSource(self.library, continuous(self.recording), loop, speed)
         if mode == 'random_walk':
             return MachineSource(self.machine, visits=style_machine.random_walk(self.machine, seed=seed), speed=speed,

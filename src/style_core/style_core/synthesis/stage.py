@@ -6,9 +6,9 @@ import numpy as np
 
 from style_core.errors import UsageError
 from style_core.style_expression import evaluate_style
-from style_core.synthesis.cycle import FollowSource
 from style_core.synthesis.performer import Performer
 from style_core.synthesis.repertoire import FollowSettings
+from style_core.synthesis.sources.phase_style import FollowSource
 
 __all__ = ['CHANGING', 'FAULT', 'FINISHED', 'IDLE', 'PLAYING', 'Stage', 'StageSettings', 'Standing', 'check_style']
 

@@ -3,8 +3,8 @@ import numpy as np
 
 from style_core.angles import continuous
 from style_core.errors import MotionError
-from style_core.live.player import loop_cut
-from style_core.synthesis.sources import COAST_S, TimedSource, coast_to_rest, hermite
+from style_core.synthesis.player import loop_cut
+from style_core.synthesis.sources.source import COAST_S, TimedSource, coast_to_rest, hermite
 
 __all__ = ['MotionFileSource']
 

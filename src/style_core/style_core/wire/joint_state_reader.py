@@ -2,7 +2,7 @@
 import numpy as np
 
 from style_core.errors import MotionError
-from style_core.live.cdr import ENCAPSULATION, StampedNamesReader
+from style_core.wire.cdr import ENCAPSULATION, StampedNamesReader
 
 __all__ = ['JointStateReader']
 

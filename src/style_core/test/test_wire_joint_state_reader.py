@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from style_core.errors import MotionError
-from style_core.live.joint_state_reader import JointStateReader
+from style_core.wire.joint_state_reader import JointStateReader
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 KIND = 'sensor_msgs/msg/JointState'

@@ -1,8 +1,8 @@
 import numpy as np
-from test_live_stream import NAMES, S, stream
+from test_stream import NAMES, S, stream
 
-from style_core.live.health import ERROR, OK, WARN, health_of
 from style_core.predictor import Status
+from style_core.stream.health import ERROR, OK, WARN, health_of
 
 
 def test_silence_is_an_error():

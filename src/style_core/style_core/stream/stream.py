@@ -6,12 +6,12 @@ from typing import Optional, Tuple
 import numpy as np
 
 from style_core.errors import UsageError
-from style_core.live.bound_map import all_finite
-from style_core.live.frames import FrameAssembler, usable
-from style_core.live.stamp_policy import NANOSECONDS, StampPolicy
-from style_core.live.tally import Tally
 from style_core.motion import matching_names
 from style_core.predictor import Estimate, Status
+from style_core.stream.bound_map import all_finite
+from style_core.stream.frames import FrameAssembler, usable
+from style_core.stream.stamp_policy import NANOSECONDS, StampPolicy
+from style_core.stream.tally import Tally
 
 __all__ = ['StreamSettings', 'Step', 'Outlook', 'PredictorStream', 'warm_up']
 

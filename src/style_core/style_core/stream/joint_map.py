@@ -6,7 +6,7 @@ import numpy as np
 
 from style_core.errors import ModelError
 from style_core.joint_file import read_joint_file
-from style_core.live.bound_map import BoundMap
+from style_core.stream.bound_map import BoundMap
 
 __all__ = ['JointRule', 'JointMap', 'identity_map', 'read_joint_map']
 

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from style_core.live.frames import FrameAssembler
+from style_core.stream.frames import FrameAssembler
 
 MS = 1_000_000
 LEFT, RIGHT = np.array([0, 1]), np.array([2, 3])

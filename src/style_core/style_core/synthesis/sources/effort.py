@@ -7,7 +7,7 @@ from style_core.effort.descriptors import EFFORTS
 from style_core.effort.joins import Joiner
 from style_core.effort.restyle import checked_target, choose_blend
 from style_core.effort.segmentation import segment
-from style_core.synthesis.sources import COAST_S, TimedSource, coast_to_rest, hermite
+from style_core.synthesis.sources.source import COAST_S, TimedSource, coast_to_rest, hermite
 
 __all__ = ['RestyledSource']
 

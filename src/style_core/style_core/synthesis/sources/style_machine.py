@@ -5,7 +5,7 @@ import numpy as np
 
 from style_core.errors import ModelError, UsageError
 from style_core.style_machine import StreamingSynthesizer
-from style_core.synthesis.sources import COAST_S, TimedSource, coast_to_rest, hermite
+from style_core.synthesis.sources.source import COAST_S, TimedSource, coast_to_rest, hermite
 
 __all__ = ['MachineSource', 'frames_of_occupancy', 'frames_of_states']
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from style_core.errors import MotionError
-from style_core.live.segments import (
+from style_core.follow.segments import (
     PEAK_ACCELERATION,
     PEAK_SPEED,
     add_decay,

@@ -1,7 +1,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from style_core.live.stamp_policy import NANOSECONDS, StampPolicy
+from style_core.stream.stamp_policy import NANOSECONDS, StampPolicy
 
 S = NANOSECONDS
 MS = S // 1000

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from style_core.errors import MotionError, UsageError
-from style_core.live.player import Faults, loop_cut, play
 from style_core.motion import Motion
+from style_core.synthesis.player import Faults, loop_cut, play
 from style_core.synthetic import GaitStyle, synthetic_gait
 
 TIMES = np.arange(20) / 100

@@ -5,10 +5,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from style_core.errors import MotionError, UsageError
-from style_core.live.health import health_of
-from style_core.live.joint_map import JointMap, JointRule, identity_map
-from style_core.live.stream import PredictorStream, StreamSettings, warm_up
 from style_core.predictor import Estimate, Prediction, Status
+from style_core.stream.health import health_of
+from style_core.stream.joint_map import JointMap, JointRule, identity_map
+from style_core.stream.stream import PredictorStream, StreamSettings, warm_up
 
 S = 1_000_000_000
 NAMES = ('hip', 'knee', 'ankle')

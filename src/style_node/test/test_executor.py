@@ -14,7 +14,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from style_core.errors import MotionError, UsageError
-from style_predictor.executor import PromptExecutor, run
+from style_node.executor import PromptExecutor, run
 
 
 class Setting:
@@ -232,7 +232,7 @@ INTERRUPTED = """
 import signal, sys
 import rclpy
 from rclpy import executors
-from style_predictor.executor import run
+from style_node.executor import run
 
 leave = executors._WorkTracker.__exit__
 

@@ -3,9 +3,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Mapping
 
-from style_core.live.stream import warm_up
 from style_core.predictor import OnlinePredictor
 from style_core.predictors import read_predictor
+from style_core.stream.stream import warm_up
 
 __all__ = ['LiveModel', 'load_live']
 

@@ -9,8 +9,8 @@ import struct
 import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
 
-from style_core.live.cdr import ENCAPSULATION
-from style_core.live.stamp_policy import NANOSECONDS
+from style_core.stream.stamp_policy import NANOSECONDS
+from style_core.wire.cdr import ENCAPSULATION
 
 __all__ = ['MessageTemplate', 'stamps_of']
 

@@ -4,7 +4,7 @@ from typing import Mapping, Protocol, Tuple
 import numpy as np
 
 from style_core.errors import UsageError
-from style_core.live.playback import quintic
+from style_core.follow.playback import quintic
 from style_core.style_expression import evaluate_style
 from style_core.synthesis.glide import Glide
 

@@ -1,7 +1,7 @@
 import pytest
 
 from style_core.errors import UsageError
-from style_core.live.parameter_table import Parameter, ParameterTable
+from style_node.parameter_table import Parameter, ParameterTable
 
 
 def horizon_covers_a_step(values):

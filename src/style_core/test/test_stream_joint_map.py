@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from style_core.errors import ModelError
-from style_core.live.bound_map import BoundMap, all_finite
-from style_core.live.joint_map import JointMap, JointRule, identity_map, read_joint_map
+from style_core.stream.bound_map import BoundMap, all_finite
+from style_core.stream.joint_map import JointMap, JointRule, identity_map, read_joint_map
 
 MODEL = ('hip', 'knee', 'ankle')
 

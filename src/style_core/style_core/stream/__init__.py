@@ -1,0 +1,1 @@
+"""From messages to predictors: joint maps, clocks, partial messages, faults. Imports no ROS."""

@@ -1,0 +1,1 @@
+"""Sources of motion, named for what they play."""

@@ -1,0 +1,1 @@
+"""Bytes as middleware and servo buses deliver them."""
