@@ -9,11 +9,12 @@ __all__ = ['Status', 'Estimate', 'Prediction', 'OnlinePredictor']
 
 
 class Status(enum.IntEnum):
-    """How far the estimate can be trusted."""
+    """How far the estimate can be trusted; UNKNOWN: the motion is none that the model knows (`style_core.unknown`)."""
 
     ACQUIRING = 0
     TRACKING = 1
     LOST = 2
+    UNKNOWN = 3
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -120,4 +121,7 @@ class OnlinePredictor(Protocol):
         """
 
     def predict(self, horizons: np.ndarray) -> Prediction:
-        """Predict at ``horizons`` (shape (H,), s after the last update, >= 0)."""
+        """Predict at ``horizons`` (shape (H,), s after the last update, >= 0).
+
+        The arrays are the caller's own: nobody else writes or reads them.
+        """

@@ -1,5 +1,5 @@
 """On-line predictors from model files of every kind that holds one."""
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Mapping
 
 from style_core import phase_style
@@ -7,8 +7,12 @@ from style_core.errors import ModelError, UsageError
 from style_core.model_file import read_header
 from style_core.phase_style.full import PARTS
 from style_core.predictor import OnlinePredictor
+from style_core.unknown import OpenPredictor
 
 __all__ = ['FilePredictor', 'read_predictor']
+
+#: What can be left out around a model's own predictor.
+_AROUND = ('histories', 'unknown')
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +46,9 @@ def read_predictor(path, method=phase_style.METHODS[0], without=()):
     method : {'full', 'paper'}
         Of a phase-style model (`style_core.phase_style.make_predictor`); the others have one method, 'full'.
     without : collection of str
-        Parts of the full filter to leave out (`style_core.phase_style.full.PARTS`), or ``'histories'``, the recorded
-        motion that a phase-style model may hold.
+        Parts of the full filter to leave out (`style_core.phase_style.full.PARTS`), ``'histories'``, the recorded
+        motion that a phase-style model may hold, or ``'unknown'``: no short-range dynamics beside the model
+        (`style_core.unknown`). The published method is always alone.
 
     Returns
     -------
@@ -61,12 +66,16 @@ def read_predictor(path, method=phase_style.METHODS[0], without=()):
         raise ModelError(f'{path} holds a {kind} model, which cannot predict; {", ".join(_READERS)} can')
     if kind != phase_style.KIND and method != phase_style.METHODS[0]:
         raise UsageError(f'method {method!r} is for phase-style models; {path} holds a {kind} model')
-    unknown = set(without) - {*PARTS, 'histories'}
-    if unknown:
-        raise UsageError(f'{", ".join(sorted(unknown))}: no part to leave out; there are {", ".join(PARTS)}, histories')
-    if set(without) - {'histories'} and (kind != phase_style.KIND or method != phase_style.METHODS[0]):
+    strange = set(without) - {*PARTS, *_AROUND}
+    if strange:
+        raise UsageError(f'{", ".join(sorted(strange))}: no part to leave out; '
+                         f'there are {", ".join((*PARTS, *_AROUND))}')
+    if set(without) - set(_AROUND) and (kind != phase_style.KIND or method != phase_style.METHODS[0]):
         raise UsageError('parts can be left out of the full filter of a phase-style model only')
-    return _READERS[kind](path, method, without)
+    found = _READERS[kind](path, method, set(without) - {'unknown'})
+    if method != phase_style.METHODS[0] or 'unknown' in without:
+        return found
+    return replace(found, predictor=OpenPredictor(found.predictor, next(iter(found.rhythmic))))
 
 
 def _phase_style(path, method, without):

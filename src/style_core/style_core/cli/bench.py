@@ -34,6 +34,7 @@ AREAS = {
         '7': ('prediction_cmu8', 'the CMU 8-action benchmark'),
         '8': ('prediction_timing', 'bad timing'),
         '9': ('prediction_faults', 'sensors that lie'),
+        '10': ('prediction_groups', 'motion that no model knows'),
         'ablation': ('prediction_ablation', 'what each ingredient is worth'),
         'bars': ('prediction_bars', 'summary of all tables against the goals set'),
     }

@@ -23,7 +23,7 @@ def add_method(parser):
     parser.add_argument('--method', choices=METHODS, default=METHODS[0],
                         help='of a phase-style model: full, the full filter (default); paper, the published method '
                              'with the first behaviour only')
-    parser.add_argument('--without', nargs='+', default=[], choices=(*PARTS, 'histories'), metavar='PART',
+    parser.add_argument('--without', nargs='+', default=[], choices=(*PARTS, 'histories', 'unknown'), metavar='PART',
                         help=f'parts of the full filter to leave out: {", ".join(PARTS)}, or histories (the recorded '
                              'motion that a model trained with --histories holds)')
 

@@ -90,6 +90,8 @@ def _judge(status, fresh, rejected, unusable, sensors):
     if status == Status.LOST:
         return ERROR, 'lost: the model does not explain what the joints do'
     troubles = []
+    if status == Status.UNKNOWN:
+        troubles.append('motion that no model knows: predicted by short-range dynamics')
     if status == Status.ACQUIRING:
         troubles.append('searching for the phase')
     if unusable:
