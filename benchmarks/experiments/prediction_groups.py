@@ -89,7 +89,7 @@ def main(argv=None):
     jobs = [(subject, model) for model in MODELS for subject in subjects()]
     results = parallel(scores, jobs, arguments.workers, 'Table 10')
     report.text('E in degrees squared over the next 25 frames at 60 Hz, 50 channels, mean over the trials of a label. '
-                'Ratio: of the whole to the better of model alone and holding still, over those means. Nothing here was '
+                'Ratio: of the whole to the better of model alone and holding still, over those means. Nothing was '
                 'in the training of the model; the short-range dynamics have not seen the person.')
     for model in MODELS:
         trials = {}

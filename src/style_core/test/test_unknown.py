@@ -42,7 +42,8 @@ class Told:
 
 
 def walking(time):
-    return np.array([0.5 * np.sin(6 * time), 0.4 * np.cos(6 * time), 0.6 * np.sin(6 * time + 1), 0.3 * np.cos(12 * time)])
+    return np.array([0.5 * np.sin(6 * time), 0.4 * np.cos(6 * time), 0.6 * np.sin(6 * time + 1),
+                     0.3 * np.cos(12 * time)])
 
 
 def nonsense(time):
