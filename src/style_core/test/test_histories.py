@@ -30,6 +30,7 @@ from style_core.phase_style.residual import learn_residual
 from style_core.predictor import Status
 from style_core.predictors import read_predictor
 from style_core.stream.loading import load_live
+from style_core.unknown import OpenPredictor
 
 RATE = 60.0
 AHEAD = paper_horizons()
@@ -291,8 +292,10 @@ def test_file_holds_histories_and_they_can_be_left_out(walk, learned, tmp_path):
     assert isinstance(found, CorrectedPredictor)
     np.testing.assert_array_equal(roll_out(found, motion, AHEAD).mean, expected.mean)
     assert isinstance(load_predictor(path, without=['histories']), FullPredictor)
-    assert isinstance(load_live(path, 'full', AHEAD).predictor, CorrectedPredictor)
-    assert isinstance(load_live(path, 'full', AHEAD, histories=False).predictor, FullPredictor)
+    for histories, alone in ((True, found), (False, FullPredictor([walk]))):
+        live = load_live(path, 'full', AHEAD, histories=histories).predictor
+        np.testing.assert_array_equal(roll_out(live, motion, AHEAD).mean,
+                                      roll_out(OpenPredictor(alone, 'walk'), motion, AHEAD).mean)
     assert load_live(path, 'paper', AHEAD).method == 'paper'
     with pytest.raises(UsageError, match='no part'):
         read_predictor(path, without=['magic'])
