@@ -1,11 +1,35 @@
 # Shared by the scripts of this folder; sourced, not run.
 set -euo pipefail
 ROOT="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
-HUMBLE=/opt/ros/humble
 PREFIX="${STYLE_ROS_PREFIX:-$ROOT/.ros2/humble}"
 
 say() { printf '%s\n' "$*"; }
 die() { printf '%s\n' "$*" >&2; exit 1; }
+
+# An installed Humble: the one that STYLE_HUMBLE names, that of an active conda or pixi environment, or apt's
+HUMBLE="${STYLE_HUMBLE:-/opt/ros/humble}"
+if [ -z "${STYLE_HUMBLE:-}" ] && [ "${ROS_DISTRO:-}" = humble ] && [ -e "${CONDA_PREFIX:-}/share/rclpy/package.xml" ]; then
+    HUMBLE="$CONDA_PREFIX"
+fi
+
+# caches and logs go to the home folder where nothing else is said
+if [ -z "${HOME:-}" ]; then
+    HOME="$(getent passwd "$(id -u)" 2>/dev/null | cut -d: -f6)" || true
+    [ -n "$HOME" ] || die "HOME is not set and this user has no home folder: export HOME=/a/folder/you/may/write"
+    export HOME
+fi
+
+# check_place: refuse at once what would fail after minutes; rosidl, colcon and CMake pass paths through shells and ASCII
+check_place() {
+    local path LC_ALL=C
+    for path in "$ROOT" "$PREFIX" "${STYLE_CACHE:-}"; do
+        case "$path" in
+            *[!A-Za-z0-9/._+,@=~-]*)
+                die "'$path' holds a character that the build tools of ROS 2 do not bear (fine are letters and digits of \
+ASCII and / . _ + , @ = ~ -): move the checkout, or name another folder with STYLE_ROS_PREFIX or STYLE_CACHE." ;;
+        esac
+    done
+}
 
 # run_as_root COMMAND...: as root, or through sudo where it asks no password
 run_as_root() {
@@ -16,6 +40,7 @@ run_as_root() {
 apt_install() {
     local missing=() package
     for package in "$@"; do
+        # without dpkg only what the caller has found missing is asked for
         dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
     done
     [ ${#missing[@]} -gt 0 ] || return 0
@@ -26,13 +51,30 @@ apt_install() {
             >/dev/null && return 0
     fi
     die "Missing, and not installable from here: ${missing[*]}
-Install them (Debian, Ubuntu: sudo apt install ${missing[*]}) and run this again."
+Install them ($(by_hand "${missing[@]}")) and run this again."
+}
+
+# by_hand PACKAGE...: the command a person would type; other distributions call the compilers a little differently
+by_hand() {
+    local names="$*"
+    if command -v dnf >/dev/null; then
+        printf 'sudo dnf install %s' "$(sed 's/g++/gcc-c++/; s/libc6-dev/glibc-devel/' <<< "$names")"
+    elif command -v zypper >/dev/null; then
+        printf 'sudo zypper install %s' "$(sed 's/g++/gcc-c++/; s/libc6-dev/glibc-devel/' <<< "$names")"
+    elif command -v pacman >/dev/null; then
+        printf 'sudo pacman -S %s' "$(sed 's/g++/gcc/; s/libc6-dev/glibc/' <<< "$names")"
+    else
+        printf 'Debian, Ubuntu: sudo apt install %s; elsewhere the packages that hold the same' "$names"
+    fi
 }
 
 # python_fits PYTHON VERSION [static-is-fine]: is it that CPython, with venv, headers and a shared libpython?
 python_fits() {
     env -u PYTHONPATH "$1" - "${@:2}" 2>/dev/null <<'PYTHON'
-import ensurepip, os, sys, sysconfig, venv
+import importlib.util, os, sys, sysconfig
+# built from source, a Python lacks what its machine had no headers for
+if any(importlib.util.find_spec(name) is None for name in ('ensurepip', 'venv', '_ssl', '_ctypes', '_sqlite3', 'zlib')):
+    sys.exit(6)
 fits = sys.implementation.name == 'cpython' and '%d.%d' % sys.version_info[:2] == sys.argv[1]
 library = os.path.join(sysconfig.get_config_var('LIBDIR') or '', sysconfig.get_config_var('LDLIBRARY') or '')
 header = os.path.join(sysconfig.get_path('include'), 'Python.h')
@@ -65,6 +107,7 @@ find_python() {
                return 0 ;;
             3) UNFIT+=" $candidate has only a static libpython;" ;;
             4) UNFIT+=" $candidate has no Python.h;" ;;
+            6) UNFIT+=" $candidate lacks one of ensurepip, venv, ssl, ctypes, sqlite3, zlib;" ;;
         esac
     done
     return 1
@@ -77,7 +120,9 @@ need_python() {
         apt_install "python$1" "python$1-venv" "python$1-dev"
         find_python "$@" && return 0
     fi
-    die "CPython $1${2- with a shared libpython} is missing.${UNFIT:+ Seen:$UNFIT}
+    local kind=' with a shared libpython'
+    [ $# = 1 ] || kind=''
+    die "CPython $1$kind is missing.${UNFIT:+ Seen:$UNFIT}
 Install it in one of these ways and run this again:
   sudo apt install python$1 python$1-venv python$1-dev      (where the distribution has it)
   uv python install $1

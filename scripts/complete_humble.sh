@@ -1,6 +1,21 @@
 #!/bin/bash
-# Where ROS 2 Humble is installed (/opt/ros/humble): install what the suite needs and the machine lacks.
+# Where ROS 2 Humble is installed: install what the suite needs and the machine lacks; with apt for apt's Humble. What a
+# Humble from elsewhere (RoboStack, built from source) lacks is named.
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+if [ "$HUMBLE" != /opt/ros/humble ]; then
+    source_ros
+    missing="$(python3 - <<'PYTHON'
+import importlib.util
+wanted = ('Cython colcon_core control_msgs diagnostic_msgs dynamixel_sdk launch_ros launch_testing lifecycle_msgs matplotlib '
+          'numpy rclpy rosbags ros2launch ros2lifecycle scipy sensor_msgs sklearn std_srvs tqdm trajectory_msgs yaml')
+print(*(name for name in wanted.split() if importlib.util.find_spec(name) is None))
+PYTHON
+)"
+    [ -z "$missing" ] || die "The ROS 2 Humble at $HUMBLE lacks these Python modules: $missing
+Install what holds them there (environments/ lists the packages of RoboStack) and run this again."
+    exit 0
+fi
 
 apt_install build-essential cmake python3-dev python3-pip python3-colcon-common-extensions python3-pytest \
     python3-numpy python3-scipy python3-matplotlib python3-tqdm python3-hypothesis \

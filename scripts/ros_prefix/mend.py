@@ -11,7 +11,7 @@ import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from ros_prefix import headers
+from ros_prefix import debian, headers
 from ros_prefix.downloads import SetupError, clean_environment, fetch_debian_headers
 
 HERE = Path(__file__).resolve().parent
@@ -86,10 +86,7 @@ def add_headers(tree, header_wheels):
     include = tree / 'include'
     scratch = tree / 'scratch'
     for package in fetch_debian_headers():
-        if shutil.which('dpkg-deb'):
-            subprocess.run(['dpkg-deb', '-x', package, scratch], check=True)
-        else:  # a .deb is an ar archive that holds a tar archive
-            subprocess.run(f'ar p {package} data.tar.xz | tar -xJ -C {scratch}', shell=True, check=True)
+        debian.unpack(package, scratch)
     for folder in scratch.joinpath('usr', 'include').iterdir():
         if folder.name != 'x86_64-linux-gnu':
             shutil.copytree(folder, include / folder.name, dirs_exist_ok=True)
