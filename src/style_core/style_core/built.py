@@ -4,13 +4,13 @@ import json
 import sysconfig
 from pathlib import Path
 
-__all__ = ['digests', 'record', 'check']
+__all__ = ['digests', 'record_path', 'check']
 
 PACKAGE = Path(__file__).parent
 
 
 def record_path(package):
-    """What a build in place was made from; there is none in an installed wheel."""
+    """Where setup.py keeps what a build in place was made from; there is none in an installed wheel."""
     return package / f'.kernels{sysconfig.get_config_var("EXT_SUFFIX")}.json'
 
 
@@ -22,11 +22,6 @@ def digests(package):
         texts = [path.read_bytes()] + [other.read_bytes() for other in beside]
         found[path.relative_to(package).as_posix()] = hashlib.sha256(b'\0'.join(texts)).hexdigest()
     return found
-
-
-def record(package):
-    """Keep what was built (called by setup.py after a build in place)."""
-    record_path(package).write_text(json.dumps(digests(package), indent=1))
 
 
 def check(package=PACKAGE):
