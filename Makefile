@@ -1,9 +1,9 @@
 # Every target does the set-up it needs. The work is done by the scripts in scripts/.
-.PHONY: help setup demo test bench lint lock clean distclean
+.PHONY: help setup demo test test-setup bench lint lock clean distclean
 .DEFAULT_GOAL := help
 
 help:  ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 	@echo "After make setup, 'source install/setup.bash' is all a shell needs. More: README.md, docs/setup.md"
 
 setup:  ## ROS 2 Humble (installed or built from PyPI), Python packages, the built workspace
@@ -14,6 +14,9 @@ demo:  ## the main job, live over real middleware: motion in, predicted trajecto
 
 test:  ## lint and every test: mathematics, nodes and whole system over Fast DDS and Cyclone DDS
 	@scripts/test.sh
+
+test-setup:  ## the set-up on machines that differ, simulated; takes a while and is no part of CI
+	@scripts/test_setup.sh
 
 bench:  ## speed, as ratios to peers in the same run
 	@scripts/bench.sh

@@ -15,6 +15,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from ros_prefix import licence, mend
 from ros_prefix.downloads import (
+    DOWNLOADS,
     REQUIREMENTS,
     SetupError,
     cache_folder,
@@ -106,14 +107,16 @@ def main(prefix):
             licence.accept()
             say(f'Downloads are kept in {cache_folder()}')
             check_room(prefix.parent, ROOM)
+            if not any(cache_folder().glob('*.complete')):
+                check_room(cache_folder(), DOWNLOADS)
             build(prefix)
     except (SetupError, subprocess.CalledProcessError) as error:
         say(f'Set-up stopped: {error}', file=sys.stderr)
         return 1
     except OSError as error:  # read only, not ours, full: the message of the system and the path say which
         where = error.filename2 or error.filename or prefix
-        say(f'Set-up stopped: {where}: {error.strerror}. The prefix is built in {prefix} (STYLE_ROS_PREFIX names another '
-            f'folder), downloads are kept in the cache (STYLE_CACHE).', file=sys.stderr)
+        say(f'Set-up stopped: {where}: {error.strerror}. The prefix is built in {prefix} (STYLE_ROS_PREFIX names '
+            'another folder), downloads are kept in the cache (STYLE_CACHE)', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         say('Set-up stopped; the next one goes on with what is downloaded.', file=sys.stderr)

@@ -83,10 +83,11 @@ def clean_environment():
     return {name: value for name, value in os.environ.items() if name not in leaking}
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def network_settings(python):
     """What the user's pip files and PIP_ variables say on reaching packages, as variables."""
-    done = subprocess.run([python, '-m', 'pip', 'config', 'list'], capture_output=True, text=True, env=clean_environment())
+    done = subprocess.run([python, '-m', 'pip', 'config', 'list'], capture_output=True, text=True,
+                          env=clean_environment())
     if done.returncode:
         raise SetupError(f'pip cannot read its configuration: {(done.stderr.strip().splitlines() or ["?"])[-1]}')
     found = {}

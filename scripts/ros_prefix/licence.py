@@ -1,4 +1,4 @@
-"""What the wheel that ROS 2 is taken from is published under: said before it is downloaded, asked once at a terminal."""
+"""The licence of the wheel that ROS 2 is taken from: said before it is downloaded, asked once at a terminal."""
 import os
 import sys
 
@@ -52,7 +52,8 @@ def accept():
         return
     if not answer:
         try:
-            answer = input('Enter goes on and accepts it, n stops (STYLE_ACCEPT_LICENSE=1 answers this): ').strip().lower()
+            answer = input('Enter goes on and accepts it, n stops (STYLE_ACCEPT_LICENSE=1 answers this): ')
+            answer = answer.strip().lower()
         except (EOFError, KeyboardInterrupt):
             answer = 'n'
     if answer not in ('', '1', 'y', 'yes', 'true'):
