@@ -80,7 +80,7 @@ def moved_checkout():
     build(place, SMALL)
     moved = place.rename(scratch() / 'elsewhere')
     build(moved, SMALL)
-    found = in_workspace(moved, 'ros2 pkg prefix style_node; python3 -c "import style_node; print(style_node.__file__)"')
+    found = in_workspace(moved, 'ros2 pkg prefix style_node; python3 -c "import style_node as it; print(it.__file__)"')
     assert found.returncode == 0 and str(place) not in found.stdout and str(moved) in found.stdout, found.stdout
     return 'it is built anew at its new place'
 

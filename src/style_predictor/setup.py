@@ -12,8 +12,7 @@ setup(
     maintainer_email='style-motion@example.org',
     packages=find_packages(include=[NAME, NAME + '.*']),
     python_requires='>=3.10',
-    install_requires=['setuptools', 'numpy>=1.21,<3', 'style_core'],
-    tests_require=['pytest'],
+    install_requires=['numpy>=1.21,<3', 'style_core'],
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + NAME]),
         ('share/' + NAME, ['package.xml']),
