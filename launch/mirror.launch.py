@@ -14,7 +14,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 sys.path.insert(0, str(Path(__file__).parent))
-from nodes import CONFIG, OF_OTHER_MODES, SERVOS, SYNTHESIZER, predictor, servos, synthesizer
+from nodes import CONFIG, OF_OTHER_MODES, SERVOS, SYNTHESIZER, enclave, local_only, predictor, servos, synthesizer
 
 ARGUMENTS = {
     **{name: entry for name, entry in SYNTHESIZER.items() if name not in ('mode', 'estimate', *OF_OTHER_MODES)},
@@ -44,6 +44,7 @@ def _player(context):
     if not given['file']:
         return []
     return [Node(package='style_predictor', executable='motion_player', name='motion_player', output='screen',
+                 ros_arguments=enclave('motion_player'),
                  parameters=[{'file': given['file'], 'skeleton': given['skeleton'], 'loop': given['loop'],
                               'drop_from': float(given['drop_from']), 'drop_until': float(given['drop_until']),
                               'speed': float(given['player_speed']),
@@ -56,7 +57,8 @@ def generate_launch_description():
     return LaunchDescription([
         DeclareLaunchArgument(name, default_value=default, description=text)
         for name, (default, text) in ARGUMENTS.items()
-    ] + predictor(LaunchConfiguration('model'), LaunchConfiguration('joint_map'),
-                  LaunchConfiguration('predictor_params'), LaunchConfiguration('person'))
+    ] + local_only('true')
+        + predictor(LaunchConfiguration('model'), LaunchConfiguration('joint_map'),
+                    LaunchConfiguration('predictor_params'), LaunchConfiguration('person'))
         + synthesizer(mode='follow', estimate='predictor/estimate')
         + [servos(LaunchConfiguration('joint_states')), OpaqueFunction(function=_player)])

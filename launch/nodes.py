@@ -1,7 +1,16 @@
 """The suite's nodes as launch actions, shared by the launch files of this folder."""
+import os
 from pathlib import Path
 
-from launch.actions import EmitEvent, IncludeLaunchDescription, OpaqueFunction, RegisterEventHandler
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    IncludeLaunchDescription,
+    LogInfo,
+    OpaqueFunction,
+    RegisterEventHandler,
+    SetEnvironmentVariable,
+)
 from launch.conditions import IfCondition
 from launch.events import matches_action
 from launch.launch_description_sources import PythonLaunchDescriptionSource
@@ -12,10 +21,29 @@ from launch_ros.events.lifecycle import ChangeState
 from launch_ros.parameter_descriptions import ParameterValue
 from lifecycle_msgs.msg import Transition
 
-__all__ = ['CONFIG', 'OF_OTHER_MODES', 'SERVOS', 'SYNTHESIZER', 'lifecycle', 'predictor', 'servos', 'synthesizer']
+__all__ = ['CONFIG', 'OF_OTHER_MODES', 'SERVOS', 'SYNTHESIZER', 'enclave', 'lifecycle', 'local_only', 'predictor',
+           'servos', 'synthesizer']
 
 # beside this folder, in the source tree as well as where both are installed
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
+
+
+def enclave(name):
+    """Arguments that name a node's enclave (docs/security.md); without security they mean nothing."""
+    return ['--enclave', f'/style/{name}']
+
+
+def local_only(default):
+    """The launch argument ``local``: nodes hear and are heard on this computer only. A variable of the shell wins."""
+    def start(context):
+        wanted = LaunchConfiguration('local').perform(context).lower() in ('true', '1')
+        if not wanted or 'ROS_LOCALHOST_ONLY' in os.environ:
+            return []
+        return [SetEnvironmentVariable('ROS_LOCALHOST_ONLY', '1'),
+                LogInfo(msg='On this computer only: other shells need export ROS_LOCALHOST_ONLY=1 (or local:=false)')]
+    return [DeclareLaunchArgument('local', default_value=default,
+                                  description='true: on this computer only, unless ROS_LOCALHOST_ONLY is set'),
+            OpaqueFunction(function=start)]
 
 
 def lifecycle(node, autostart):
@@ -36,6 +64,7 @@ def predictor(model, joint_map, params, joint_states='joint_states', namespace='
     """The predictor node; ``more`` are further parameters."""
     return lifecycle(LifecycleNode(
         package='style_predictor', executable='predictor', name='predictor', namespace=namespace, output='screen',
+        ros_arguments=enclave('predictor'),
         parameters=[params, {'model': ParameterValue(model, value_type=str),
                              'joint_map': ParameterValue(joint_map, value_type=str), **more}],
         remappings=[('joint_states', joint_states)]), autostart)
@@ -87,6 +116,7 @@ def synthesizer(**fixed):
                            for name in OF_OTHER_MODES})
     return lifecycle(LifecycleNode(
         package='style_synth', executable='synthesizer', name='synthesizer', namespace='', output='screen',
+        ros_arguments=enclave('synthesizer'),
         parameters=[values['synthesizer_params'], parameters],
         remappings=[('estimate', values['estimate']), ('joint_trajectory', values['joint_trajectory'])]),
         values['autostart'])

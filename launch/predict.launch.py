@@ -11,7 +11,7 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 
 sys.path.insert(0, str(Path(__file__).parent))
-from nodes import CONFIG, predictor
+from nodes import CONFIG, local_only, predictor
 
 ARGUMENTS = {
     'model': ('', 'model file (needed): absolute, or the name of one in config/models'),
@@ -29,4 +29,4 @@ def generate_launch_description():
     return LaunchDescription([
         DeclareLaunchArgument(name, default_value=default, description=text)
         for name, (default, text) in ARGUMENTS.items()
-    ] + predictor(**{name: LaunchConfiguration(name) for name in ARGUMENTS}))
+    ] + local_only('false') + predictor(**{name: LaunchConfiguration(name) for name in ARGUMENTS}))

@@ -13,7 +13,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 sys.path.insert(0, str(Path(__file__).parent))
-from nodes import CONFIG, predictor
+from nodes import CONFIG, enclave, local_only, predictor
 
 PREDICTOR = {
     'model': ('', 'model file (needed): absolute, or the name of one in config/models'),
@@ -52,6 +52,7 @@ def player(context):
     # no stays a word: YAML would make it false
     values['loop'] = given['loop']
     return [Node(package='style_predictor', executable='motion_player', name='motion_player', output='screen',
+                 ros_arguments=enclave('motion_player'),
                  parameters=[{name: value for name, value in values.items() if value != []},
                              {'await_subscribers': int(LaunchConfiguration('listeners').perform(context))}])]
 
@@ -61,4 +62,5 @@ def generate_launch_description():
     return LaunchDescription([LISTENERS] + [
         DeclareLaunchArgument(name, default_value=default, description=text)
         for name, (default, text) in {**PREDICTOR, **PLAYER}.items()
-    ] + predictor(**{name: LaunchConfiguration(name) for name in PREDICTOR}) + [OpaqueFunction(function=player)])
+    ] + local_only('true') + predictor(**{name: LaunchConfiguration(name) for name in PREDICTOR})
+        + [OpaqueFunction(function=player)])

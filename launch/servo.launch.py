@@ -17,7 +17,7 @@ from launch_ros.actions import LifecycleNode
 from launch_ros.parameter_descriptions import ParameterValue
 
 sys.path.insert(0, str(Path(__file__).parent))
-from nodes import CONFIG, lifecycle
+from nodes import CONFIG, enclave, lifecycle, local_only
 
 ARGUMENTS = {
     'sim': ('false', 'true: start a simulated Dynamixel chain and drive that instead of real servos'),
@@ -45,7 +45,7 @@ def _start(context):
         actions.append(_simulator(argument, port))
     bridge = lifecycle(LifecycleNode(
         package='style_servo', executable='bridge', name='servo_bridge', namespace=argument['namespace'],
-        output='screen',
+        output='screen', ros_arguments=enclave('servo_bridge'),
         parameters=[argument['params'], {
             'chain': ParameterValue(argument['chain'], value_type=str), 'backend': argument['backend'], 'port': port,
             'baud': int(argument['baud']), 'record': ParameterValue(argument['record'], value_type=str)}],
@@ -77,4 +77,4 @@ def generate_launch_description():
     return LaunchDescription([
         DeclareLaunchArgument(name, default_value=default, description=text)
         for name, (default, text) in ARGUMENTS.items()
-    ] + [OpaqueFunction(function=_start)])
+    ] + local_only('false') + [OpaqueFunction(function=_start)])

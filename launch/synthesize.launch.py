@@ -12,7 +12,7 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 
 sys.path.insert(0, str(Path(__file__).parent))
-from nodes import SERVOS, SYNTHESIZER, servos, synthesizer
+from nodes import SERVOS, SYNTHESIZER, local_only, servos, synthesizer
 
 ARGUMENTS = {**SYNTHESIZER, **SERVOS}
 
@@ -22,4 +22,4 @@ def generate_launch_description():
     return LaunchDescription([
         DeclareLaunchArgument(name, default_value=default, description=text)
         for name, (default, text) in ARGUMENTS.items()
-    ] + synthesizer() + [servos(LaunchConfiguration('joint_states'))])
+    ] + local_only('false') + synthesizer() + [servos(LaunchConfiguration('joint_states'))])
