@@ -9,6 +9,7 @@ lock() {  # lock NAME PYTHON [OPTION...]
 lock pip 3.10
 lock ros_prefix 3.12
 lock ros_tree 3.12 --no-deps
+lock bench 3.12 --no-deps
 lock floor_python310 3.10
 without=()
 for package in numpy scipy matplotlib contourpy cycler fonttools kiwisolver packaging pillow pyparsing \

@@ -1,6 +1,7 @@
 """Every package.xml declares what its package imports, and the manifests are read by catkin_pkg, which is not ours."""
 import ast
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -78,3 +79,9 @@ def test_no_file_compares_nothing():
     """The comparison sees imports at all: it would pass on empty sets."""
     assert {'rclpy', 'numpy', 'yaml', 'dynamixel_sdk'} <= imported(ROOT / 'src/style_servo/style_servo')
     assert {'launch', 'lifecycle_msgs'} <= imported(ROOT / 'launch')
+
+
+def test_every_pinned_package_is_in_the_table_of_licences():
+    done = subprocess.run([sys.executable, ROOT / 'scripts/third_party_licences.py', '--check'], capture_output=True,
+                          text=True)
+    assert done.returncode == 0, done.stderr
