@@ -7,9 +7,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from situations import machines, packages, stage, workspace
+from situations import files, machines, packages, stage, workspace
 
-assert machines and packages and workspace  # importing them has registered their situations
+assert files and machines and packages and workspace  # importing them has registered their situations
 
 
 def main(words):

@@ -116,6 +116,7 @@ class BuildKernels(build_ext):
 setup(
     ext_modules=kernels(),
     cmdclass={'build_ext': BuildKernels},
+    python_requires='>=3.10',  # in setup.cfg it becomes an object, which colcon cannot read
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + NAME]),
         ('share/' + NAME, ['package.xml']),
