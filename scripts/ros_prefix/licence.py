@@ -43,10 +43,10 @@ def accept():
         Where the answer is no.
     """
     remembered = cache_folder() / f'licence-accepted-{sha256(REQUIREMENTS / "ros_tree.txt")[:12]}'
-    if remembered.exists():
+    answer = os.environ.get('STYLE_ACCEPT_LICENSE', '').strip().lower()
+    if remembered.exists() and not answer:
         return
     say(NOTICE)
-    answer = os.environ.get('STYLE_ACCEPT_LICENSE', '').strip().lower()
     if not answer and not terminal():
         say('  There is no terminal to ask at, so this goes on (STYLE_ACCEPT_LICENSE=0 would stop here).\n')
         return
