@@ -16,6 +16,7 @@ from setuptools.command.build_ext import build_ext
 
 HERE = Path(__file__).parent
 NAME = 'style_core'
+README = HERE / 'README.md'  # colcon builds in a folder of links that lacks it
 BUILT = runpy.run_path(str(HERE / NAME / 'built.py'))
 
 
@@ -116,6 +117,8 @@ class BuildKernels(build_ext):
 setup(
     ext_modules=kernels(),
     cmdclass={'build_ext': BuildKernels},
+    long_description=README.read_text() if README.exists() else '',
+    long_description_content_type='text/markdown',
     python_requires='>=3.10',  # in setup.cfg it becomes an object, which colcon cannot read
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + NAME]),
