@@ -5,7 +5,9 @@ from typing import Optional, Tuple
 
 import numpy as np
 
+from style_core.budgets import NAME_BYTES, PATTERN_LIST_BYTES, PATTERNS
 from style_core.errors import MotionError
+from style_core.text import shown
 
 __all__ = ['Motion', 'concatenate', 'matching_names', 'usual_units']
 
@@ -272,20 +274,31 @@ def matching_names(names, patterns):
     Raises
     ------
     MotionError
-        If a pattern matches none of ``names``, or nothing is left.
+        If a pattern matches none of ``names``, or nothing is left, or there is more than `style_core.budgets` allows.
     """
-    chosen = [pattern for pattern in patterns if not pattern.startswith('!')]
-    excluded = [pattern[1:] for pattern in patterns if pattern.startswith('!')]
-    for pattern in chosen + excluded:
-        if not any(fnmatch.fnmatchcase(name, pattern) for name in names):
-            raise MotionError(f'no joint matches {pattern!r}; the joints are {", ".join(names[:8])}'
-                              f'{" ..." if len(names) > 8 else ""}')
-    kept = [name for name in names
-            if (not chosen or any(fnmatch.fnmatchcase(name, pattern) for pattern in chosen))
-            and not any(fnmatch.fnmatchcase(name, pattern) for pattern in excluded)]
+    _check_patterns(patterns)
+    matched = [{name for name in names if fnmatch.fnmatchcase(name, pattern.removeprefix('!'))} for pattern in patterns]
+    for pattern, found in zip(patterns, matched):
+        if not found:
+            raise MotionError(f'no joint matches {shown(pattern.removeprefix("!"))!r}; the joints are '
+                              f'{", ".join(names[:8])}{" ..." if len(names) > 8 else ""}')
+    chosen = [found for pattern, found in zip(patterns, matched) if not pattern.startswith('!')]
+    excluded = set().union(*(found for pattern, found in zip(patterns, matched) if pattern.startswith('!')))
+    wanted = set().union(*chosen) if chosen else set(names)
+    kept = [name for name in names if name in wanted and name not in excluded]
     if not kept:
-        raise MotionError(f'the patterns {", ".join(patterns)} leave no joint')
+        raise MotionError(f'the patterns {shown(", ".join(patterns))} leave no joint')
     return kept
+
+
+def _check_patterns(patterns):
+    if len(patterns) > PATTERNS:
+        raise MotionError(f'{len(patterns)} patterns are refused: {PATTERNS} at most')
+    sizes = [len(pattern.encode(errors='replace')) for pattern in patterns]
+    if max(sizes, default=0) > NAME_BYTES:
+        raise MotionError(f'a pattern of {max(sizes)} bytes is refused: {NAME_BYTES} at most')
+    if sum(sizes) > PATTERN_LIST_BYTES:
+        raise MotionError(f'patterns of {sum(sizes)} bytes together are refused: {PATTERN_LIST_BYTES} at most')
 
 
 def usual_units(names):

@@ -12,12 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from style_core.budgets import STYLE_DEPTH, STYLE_TEXT
 from style_core.errors import UsageError
+from style_core.text import shown
 
 __all__ = ['evaluate_style']
 
 _TOKEN = re.compile(r"""\s*(?:
-    (?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\w.])
+    (?P<number>(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(?![\w.])
   | (?P<name>[A-Za-z0-9_][\w.]*|"[^"]+")
   | (?P<analogy>::)
   | (?P<symbol>[-+*/():,\[\]])
@@ -42,11 +44,27 @@ def evaluate_style(text, styles, dof):
     Raises
     ------
     UsageError
-        Where the expression cannot be read, with the place; or for a style that does not exist, with those that do.
+        Where the expression cannot be read, with the place; or for a style that does not exist, with those that do;
+        or where it is longer or nested deeper than `style_core.budgets` allows, or gives no finite coordinates.
     """
+    if len(text) > STYLE_TEXT:
+        raise UsageError(f'a style of {len(text)} characters is refused: {STYLE_TEXT} at most')
     tokens = _tokens(text)
-    if any(token.kind == 'analogy' for token in tokens):
-        return _analogy(text, tokens, styles, dof)
+    with np.errstate(all='ignore'):     # what overflows is found below
+        if any(token.kind == 'analogy' for token in tokens):
+            value = _analogy(text, tokens, styles, dof)
+        else:
+            value = _value(text, tokens, styles, dof)
+    if not np.isfinite(value).all():
+        raise UsageError(f'style {_quoted(text)}: its numbers are too large')
+    return value
+
+
+def _quoted(text):
+    return repr(shown(text))
+
+
+def _value(text, tokens, styles, dof):
     parser = _Parser(text, tokens, styles, dof)
     value = parser.sum()
     parser.expect_end()
@@ -61,11 +79,12 @@ class _Token:
 
 
 def _tokens(text):
-    tokens, place = [], 0
-    while place < len(text.rstrip()):
+    tokens, place, end = [], 0, len(text.rstrip())
+    while place < end:
         match = _TOKEN.match(text, place)
         if match is None:
-            raise UsageError(f'style {text!r}: cannot read {text[place:].strip()[:10]!r} at character {place + 1}')
+            odd = text[place:place + 20].strip()[:10]
+            raise UsageError(f'style {_quoted(text)}: cannot read {odd!r} at character {place + 1}')
         tokens.append(_Token(match.lastgroup, match.group(match.lastgroup), match.start(match.lastgroup)))
         place = match.end()
     if not tokens:
@@ -84,24 +103,20 @@ def _analogy(text, tokens, styles, dof):
             sides[-1].append(token)
     order = [token.text for token in tokens if token.text in (':', '::')]
     if order != [':', '::', ':'] or len(sides[3]) != 1 or sides[3][0].text.upper() != 'X' or not all(sides[:3]):
-        raise UsageError(f'style {text!r}: an analogy is written walk:run :: strut:X')
-    values = []
-    for part in sides[:3]:
-        parser = _Parser(text, part, styles, dof)
-        values.append(parser.as_style(parser.sum()))
-        parser.expect_end()
-    return values[2] + values[1] - values[0]
+        raise UsageError(f'style {_quoted(text)}: an analogy is written walk:run :: strut:X')
+    first, second, third = (_value(text, part, styles, dof) for part in sides[:3])
+    return third + second - first
 
 
 class _Parser:
-    """Recursive descent; a value is a float or a vector."""
+    """Recursive descent of bounded depth; a value is a float or a vector."""
 
     def __init__(self, text, tokens, styles, dof):
         self.text, self.tokens, self.styles, self.dof = text, tokens, styles, dof
-        self.next = 0
+        self.next = self.depth = 0
 
     def fail(self, reason):
-        raise UsageError(f'style {self.text!r}: {reason}')
+        raise UsageError(f'style {_quoted(self.text)}: {reason}')
 
     def peek(self):
         return self.tokens[self.next].text if self.next < len(self.tokens) else ''
@@ -113,7 +128,7 @@ class _Parser:
     def expect_end(self):
         if self.next < len(self.tokens):
             token = self.tokens[self.next]
-            self.fail(f'{token.text!r} at character {token.place + 1} does not fit there (is a * missing?)')
+            self.fail(f'{_quoted(token.text)} at character {token.place + 1} does not fit there (is a * missing?)')
 
     def as_style(self, value):
         if isinstance(value, float):
@@ -145,26 +160,31 @@ class _Parser:
         return value
 
     def factor(self):
+        negative = False
+        while self.peek() in ('+', '-'):
+            negative ^= self.take().text == '-'
         if self.next >= len(self.tokens):
             self.fail('ends too early')
-        token = self.take()
-        if token.text in ('+', '-'):
-            value = self.factor()
-            return value if token.text == '+' else -value
-        if token.text == '(':
-            value = self.sum()
-            self.close(')')
+        value = self.operand(self.take())
+        return -value if negative else value
+
+    def operand(self, token):
+        if token.text in ('(', '['):
+            self.depth += 1
+            if self.depth > STYLE_DEPTH:
+                self.fail(f'brackets are nested deeper than {STYLE_DEPTH}')
+            value = self.vector() if token.text == '[' else self.sum()
+            self.close(']' if token.text == '[' else ')')
+            self.depth -= 1
             return value
-        if token.text == '[':
-            return self.vector()
         if token.kind == 'number':
             value = float(token.text)
             if not np.isfinite(value):
-                self.fail(f'{token.text} is too large')
+                self.fail(f'{shown(token.text)} is too large')
             return value
         if token.kind == 'name':
             return self.named(token.text.strip('"'))
-        self.fail(f'{token.text!r} at character {token.place + 1} does not fit there')
+        self.fail(f'{_quoted(token.text)} at character {token.place + 1} does not fit there')
 
     def close(self, bracket):
         if self.peek() != bracket:
@@ -176,7 +196,6 @@ class _Parser:
         while self.peek() == ',':
             self.take()
             values.append(self.sum())
-        self.close(']')
         if not all(isinstance(value, float) for value in values):
             self.fail('coordinates in [...] must be numbers')
         if len(values) > self.dof:
@@ -188,4 +207,4 @@ class _Parser:
             return np.array(self.styles[name], dtype=float)
         if name == 'generic':
             return np.zeros(self.dof)
-        self.fail(f'there is no style {name!r}; the styles are {", ".join(sorted(self.styles))} and generic')
+        self.fail(f'there is no style {_quoted(name)}; the styles are {", ".join(sorted(self.styles))} and generic')

@@ -1,4 +1,7 @@
 """Style expressions: what they mean, and clear errors for what they do not."""
+import contextlib
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -43,3 +46,41 @@ def test_any_text_gives_a_style_or_a_clear_error(text):
         assert 'style' in str(error)
     else:
         assert value.shape == (2,)
+
+
+@pytest.mark.parametrize('text', [
+    '(' * 400 + 'walk' + ')' * 400, '[' * 20_000, '[' * 2000, '-' * 5000 + 'walk', '1e6*' * 1000 + 'walk',
+    '(' * 33 + 'walk' + ')' * 33, '[' * 33 + '1' + ']' * 33, 'walk' + ' ' * 1_000_000, '"' * 4096, ':' * 4096,
+    '1' * 4000 + 'a', 'walk' + '*1e300' * 3, '1e308*1e308*walk - 1e308*1e308*walk', 'x' * 1_000_000, '\x1b[31m\n' * 400,
+])
+def test_a_text_without_measure_is_refused_in_few_words(text):
+    with pytest.raises(UsageError) as caught:
+        evaluate_style(text, STYLES, 2)
+    assert len(str(caught.value)) < 1100 and str(caught.value).isprintable()
+
+
+def test_what_is_within_the_budgets_is_evaluated():
+    np.testing.assert_allclose(evaluate_style('(' * 32 + 'walk' + ')' * 32, STYLES, 2), [1, 0])
+    np.testing.assert_allclose(evaluate_style('-' * 4091 + 'walk', STYLES, 2), [-1, 0])
+    np.testing.assert_allclose(evaluate_style('walk' + ' ' * 4092, STYLES, 2), [1, 0])
+
+
+def test_the_work_grows_with_the_length_and_not_its_square():
+    """Counted in steps of the reader, so that a busy machine decides nothing."""
+    def tokens_read(text):
+        count = 0
+
+        def look(frame, event, arg):
+            nonlocal count
+            count += 1
+            return look
+        sys.settrace(look)
+        try:
+            with contextlib.suppress(UsageError):
+                evaluate_style(text, STYLES, 2)
+        finally:
+            sys.settrace(None)
+        return count
+    for piece in ('[', '-', '1e6*', '(', 'walk+', ':', '1,', '"a b" '):
+        short, long = (tokens_read(piece * (size // len(piece))) for size in (1000, 4000))
+        assert long < 5 * short, piece
