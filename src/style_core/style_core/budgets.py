@@ -24,7 +24,7 @@ MESSAGE_BYTES = 1 << 20
 #: joints of a message
 JOINTS = 4096
 #: of a YAML file, in bytes; how deep it may be nested; nodes in it, those behind aliases counted as often as they occur
-YAML_BYTES, YAML_DEPTH, YAML_NODES = 1 << 20, 32, 100_000
+YAML_BYTES, YAML_DEPTH, YAML_NODES = 1 << 18, 32, 50_000
 #: of a NumPy archive (models, recordings), in bytes, as it lies on disk and unpacked; arrays in it; of an array's head
 ARCHIVE_BYTES, UNPACKED_BYTES, ARCHIVE_MEMBERS, ARRAY_HEADER_BYTES = 256 << 20, 512 << 20, 10_000, 10_000
 #: of a text recording, skeleton or URDF, in bytes
@@ -49,7 +49,7 @@ TABLE = (
     ('remembered lists of names', f'{REMEMBERED_BYTES} bytes', 'forgotten and read anew'),
     ('error message, quoted name', f'{ERROR_TEXT} and {SHOWN_TEXT} characters',
      'cut; control characters are escaped'),
-    ('value and status on /diagnostics', f'{FACT_TEXT} and {FACTS_TEXT} characters', 'cut; further values are left out'),
+    ('value and status on /diagnostics', f'{FACT_TEXT} and {FACTS_TEXT} characters', 'cut, or left out'),
     ('joint map, robot, chain, plan (YAML)', f'{YAML_BYTES} bytes, {YAML_DEPTH} levels, {YAML_NODES} entries with '
      'those that aliases repeat', 'refused; the node is not configured'),
     ('model or recording (NPZ)', f'{ARCHIVE_BYTES >> 20} MiB on disk, {UNPACKED_BYTES >> 20} MiB unpacked, '

@@ -1,9 +1,6 @@
 """Reading the YAML files that list joints: joint maps and robots have the same head."""
-from pathlib import Path
-
-import yaml
-
 from style_core.errors import ModelError
+from style_core.yaml_file import read_yaml
 
 __all__ = ['read_joint_file']
 
@@ -32,10 +29,7 @@ def read_joint_file(path, what, others=()):
     ModelError
         If the file cannot be read or does not have this form.
     """
-    try:
-        content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
-        raise ModelError(f'{what} {path} cannot be read: {error}') from None
+    content = read_yaml(path, what)
     optional = ('unlisted', *others)
     if not isinstance(content, dict) or not set(content) <= {'joints', *optional}:
         raise ModelError(f'{what} {path} must hold "joints", may hold {", ".join(optional)}, and nothing else')

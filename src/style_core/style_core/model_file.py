@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from style_core import __version__
+from style_core.archive import read_archive
 from style_core.errors import ModelError
 
 __all__ = ['FORMAT_VERSION', 'save_model', 'load_model', 'read_header', 'training_files']
@@ -96,19 +97,18 @@ def load_model(path, kind=None):
     """
     path = Path(path)
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            if _HEADER not in archive.files:
-                raise ModelError(f'{path} is an .npz file but not a model file: it has no header')
-            header = json.loads(str(archive[_HEADER][()]))
-            arrays = {name: archive[name] for name in archive.files if name != _HEADER}
+        arrays = read_archive(path)
+        if _HEADER not in arrays:
+            raise ModelError(f'{path} is an .npz file but not a model file: it has no header')
+        header = json.loads(str(arrays.pop(_HEADER)[()]))
     except FileNotFoundError:
         raise ModelError(f'model file {path} does not exist') from None
     except IsADirectoryError:
         raise ModelError(f'{path} is a folder, not a model file') from None
     except ModelError:
         raise
-    except Exception as error:  # a damaged archive makes NumPy, zipfile, zlib and the tokenizer fail in any way
-        raise ModelError(f'{path} is not a readable model file (damaged or truncated?): {error}') from None
+    except (OSError, ValueError, RecursionError, IndexError) as error:
+        raise ModelError(f'{path} is not a readable model file: {error}') from None
     if not isinstance(header, dict) or any(key not in header for key in _REQUIRED + ('format_version',)):
         raise ModelError(f'{path} has an incomplete model header')
     if header['format_version'] != FORMAT_VERSION:

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Optional, Tuple
 
 import numpy as np
-import yaml
 
-from style_core.errors import UsageError
+from style_core.errors import ModelError, UsageError
+from style_core.yaml_file import read_yaml
 
 __all__ = ['Joint', 'Chain', 'load_chain']
 
@@ -91,11 +91,9 @@ def load_chain(path):
     """
     path = Path(path)
     try:
-        content = yaml.safe_load(path.read_text())
-    except OSError as error:
-        raise UsageError(f'cannot read the chain file {path}: {error.strerror}') from None
-    except yaml.YAMLError as error:
-        raise UsageError(f'{path} is not YAML: {error}') from None
+        content = read_yaml(path, 'chain file')
+    except ModelError as error:
+        raise UsageError(str(error)) from None
     if not isinstance(content, dict) or not isinstance(content.get('joints'), dict) or not content['joints']:
         raise UsageError(f'{path} has no joints: it must have a mapping "joints" of joint names')
     unknown = set(content) - {'name', 'defaults', 'joints'}

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from style_core.budgets import RECORDING_BYTES
 from style_core.errors import MotionError
+from style_core.regular_file import read_regular
 
 __all__ = ['read_text', 'read_table', 'number', 'constant_step_s', 'replacing']
 
@@ -17,11 +19,11 @@ def read_text(path):
     """Text of a file, with line ends of any kind; MotionError for one that is absent, binary or empty."""
     path = Path(path)
     try:
-        data = path.read_bytes()
+        data = read_regular(path, RECORDING_BYTES)
     except FileNotFoundError:
         raise MotionError(f'{path} does not exist') from None
-    except (IsADirectoryError, PermissionError) as error:
-        raise MotionError(f'{path} cannot be read: {error.strerror}') from None
+    except (IsADirectoryError, PermissionError, ValueError) as error:
+        raise MotionError(f'{path} cannot be read: {getattr(error, "strerror", None) or error}') from None
     if b'\0' in data:
         raise MotionError(f'{path} is a binary file, not text')
     if not data.strip():

@@ -1,6 +1,7 @@
 """NumPy archives (``.npz``): a motion exactly as it is, never pickled."""
 import numpy as np
 
+from style_core.archive import read_archive
 from style_core.errors import MotionError
 from style_core.formats.files import replacing
 from style_core.motion import Motion
@@ -16,14 +17,13 @@ _FIELDS = ('joint_names', 'positions', 'times', 'units', 'name', 'epoch_ns')
 def read(path):
     """Read a motion that `write` wrote; any archive with ``joint_names``, ``positions`` and ``times`` will do."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            fields = {key: archive[key] for key in _FIELDS if key in archive.files}
+        fields = read_archive(path, _FIELDS)
     except FileNotFoundError:
         raise MotionError(f'{path} does not exist') from None
     except IsADirectoryError:
         raise MotionError(f'{path} is a folder') from None
-    except Exception as error:  # a damaged archive makes NumPy, zipfile, zlib and the tokenizer fail in any way
-        raise MotionError(f'{path} is not a readable NumPy archive (damaged or truncated?): {error}') from None
+    except (OSError, ValueError) as error:
+        raise MotionError(f'{path} is not a readable NumPy archive: {error}') from None
     absent = [key for key in _FIELDS[:3] if key not in fields]
     if absent:
         raise MotionError(f'{path} is no motion: it lacks {", ".join(absent)}')

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Mapping, Tuple
 
 import numpy as np
-import yaml
 
 from style_core.errors import ModelError, MotionError
-from style_core.formats.files import read_text
 from style_core.motion import Motion, matching_names
 from style_core.skeleton import Skeleton, read_skeleton
 from style_core.synthesis.retargeting import Robot, RobotJoint
+from style_core.yaml_file import read_yaml
 
 __all__ = ['Match', 'Plan', 'read_plan', 'directions_of', 'best_angles', 'fit_map', 'error_deg']
 
@@ -98,7 +97,7 @@ def read_plan(path):
     """
     path = Path(path)
     try:
-        content = yaml.safe_load(read_text(path))
+        content = read_yaml(path, 'plan')
         if not isinstance(content, dict):
             raise ModelError(f'{path} is no plan of what to match: it must have the keys name, urdf, match and inputs')
         robot = read_skeleton(path.parent / content['urdf'])
@@ -110,7 +109,7 @@ def read_plan(path):
         plan = Plan(str(content['name']), str(content['urdf']), robot, matches, inputs, motors)
     except (ModelError, MotionError):
         raise
-    except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ModelError(f'{path} is no plan of what to match: {error!r}') from None
     if not all(set(motor) <= {'velocity', 'acceleration'} for motor in motors.values()):
         raise ModelError(f'{path}: motors have velocity and acceleration, and nothing else')
