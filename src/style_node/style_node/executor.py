@@ -1,16 +1,22 @@
 """Run a node with little between a message and its callback; every node of the suite is run by `run`."""
 import gc
+import os
 import signal
 import sys
-from contextlib import ExitStack
-from time import monotonic
+import threading
+from contextlib import ExitStack, suppress
+from time import monotonic, sleep
 
 import rclpy
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor, TimeoutException
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.service import Service
+from rclpy.utilities import get_default_context
 from rclpy.waitable import NumberOfEntities
 
 from style_core.errors import ModelError, MotionError, UsageError
+from style_node.failures import CannotGoOn, Failures, refusal
 
 __all__ = ['PromptExecutor', 'run']
 
@@ -19,6 +25,8 @@ __all__ = ['PromptExecutor', 'run']
 LOOK_EVERY, SILENCE = 0.01, 0.05
 #: no wait is longer, s: a signal that comes between two waits is noticed nevertheless
 LONGEST = 1.0
+#: a program that has been told to stop and may end at once does so after this, whatever its threads do, s
+LOOK_FOR_END, END_ANYWAY = 0.2, 1.5
 
 
 class PromptExecutor(SingleThreadedExecutor):
@@ -34,6 +42,9 @@ class PromptExecutor(SingleThreadedExecutor):
     when the next is not due yet. Garbage is collected at that moment too, where `run` has taken over collecting it.
     Callbacks of timers and subscriptions must be plain functions.
 
+    No exception of a callback ends the program, unless it is CannotGoOn: it is noted in ``failures``, and a service
+    answers that the request failed.
+
     Parameters
     ----------
     context : rclpy.Context, optional
@@ -43,6 +54,7 @@ class PromptExecutor(SingleThreadedExecutor):
 
     def __init__(self, *, context=None, services_wait=True):
         super().__init__(context=context)
+        self.failures = Failures()
         self._services_wait = services_wait
         self._changed = True
         self._held = ExitStack()
@@ -78,7 +90,7 @@ class PromptExecutor(SingleThreadedExecutor):
             self._rest()
             return
         if not all(one.callback_group.can_execute(one) for one in self._one_a_group):
-            super().spin_once(timeout_sec)
+            self._serve_one(timeout_sec)
             return
         if not self._flowing:
             longest = LONGEST if timeout_sec is None else min(timeout_sec, LONGEST)
@@ -131,14 +143,50 @@ class PromptExecutor(SingleThreadedExecutor):
     def _rest(self):
         """Let rclpy serve everything that is ready once, so that busy timers keep no service waiting."""
         self._cb_iter = None  # what it knew to be ready may be no more
-        while True:
+        while self._serve_one(0):
+            pass
+
+    def _serve_one(self, timeout_sec):
+        """Let rclpy serve one thing; whether there was one."""
+        try:
+            handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=timeout_sec)
+        except (TimeoutException, ShutdownException):
+            return False
+        handler()
+        if (error := handler.exception()) is not None:
+            self._failed(error)
+        return True
+
+    def _failed(self, error):
+        """Note what a callback raised, unless the program has to end."""
+        if isinstance(error, (CannotGoOn, ExternalShutdownException, ShutdownException)) or not self._context.ok():
+            raise error
+        nodes = self.get_nodes()
+        self.failures.note(error, nodes[0].get_logger() if nodes else rclpy.logging.get_logger('executor'))
+
+    def _make_handler(self, entity, node, take_from_wait_list, call_coroutine):
+        """Rclpy's, but one that fails does not leave its callback group waiting, nor a client without an answer."""
+        def take(entity):
             try:
-                handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0)
-            except (TimeoutException, ShutdownException):
+                return take_from_wait_list(entity)
+            except Exception as error:  # whatever a peer has sent
+                self._failed(error)
+                return _NOTHING
+
+        async def call(entity, taken):
+            if taken is _NOTHING:
                 return
-            handler()
-            if handler.exception() is not None:
-                raise handler.exception()
+            try:
+                await call_coroutine(entity, taken)
+            except InvalidHandle:
+                return  # it was destroyed while its callback waited
+            except Exception as error:
+                self._failed(error)
+                if isinstance(entity, Service):
+                    request, header = taken
+                    with suppress(InvalidHandle):
+                        entity.send_response(refusal(entity.srv_type, request, error), header)
+        return super()._make_handler(entity, node, take, call)
 
     def _tasks_wait(self):
         """Whether coroutines can go on; earlier releases of Humble ask all that have not ended."""
@@ -180,11 +228,17 @@ class PromptExecutor(SingleThreadedExecutor):
             return
         try:
             serve(entity)
+        except Exception as error:
+            self._failed(error)
         finally:
             group.ending_execution(entity)
 
     def _alive(self):
         return [one for node in self.get_nodes() for kind in (node.subscriptions, node.timers) for one in kind]
+
+
+#: what was taken of an entity where taking failed
+_NOTHING = object()
 
 
 def _take(subscription):
@@ -203,7 +257,15 @@ def _of(entities, pointers):
     return [one for one in entities if one.handle.pointer in pointers] if pointers else ()
 
 
-def run(make_node, name, until=None, args=None, switch_interval=0.0005, services_wait=True):
+def _end_anyway(context, ended):
+    """End the program where it has been told to stop and something keeps it: a file, a computation, a peer."""
+    while context.ok():
+        sleep(LOOK_FOR_END)
+    if not ended.wait(END_ANYWAY):
+        os._exit(0)
+
+
+def run(make_node, name, until=None, args=None, switch_interval=0.0005, services_wait=True, must_let_go=False):
     """Run a node until it is told to stop; returns the exit status of its program.
 
     Parameters
@@ -222,6 +284,8 @@ def run(make_node, name, until=None, args=None, switch_interval=0.0005, services
     switch_interval : float
         After this long (s) a thread that computes lets another one in: a model loading in its thread must not hold up
         messages.
+    must_let_go : bool
+        The node holds motors: its end takes the time that ``release`` takes. Any other ends within two seconds.
     """
     node = None
 
@@ -234,6 +298,9 @@ def run(make_node, name, until=None, args=None, switch_interval=0.0005, services
     gc.disable()  # the executor collects between messages
     signal.signal(signal.SIGINT, interrupted)
     rclpy.init(args=args)
+    ended = threading.Event()
+    if not must_let_go:
+        threading.Thread(target=_end_anyway, args=(get_default_context(), ended), daemon=True).start()
     executor = PromptExecutor(services_wait=services_wait)
     try:
         node = make_node()
@@ -254,9 +321,10 @@ def run(make_node, name, until=None, args=None, switch_interval=0.0005, services
         gc.enable()
         if node is not None:
             getattr(node, 'release', lambda: None)()
-            executor.shutdown()
+            executor.shutdown(timeout_sec=0.2)     # a coroutine that waits for a thread would never end
             node.destroy_node()
         rclpy.try_shutdown()
+        ended.set()
         if node is not None:  # a second Ctrl-C: Python gives every other handler back while it ends
             signal.signal(signal.SIGINT, signal.SIG_IGN)
     return 0

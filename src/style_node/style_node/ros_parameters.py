@@ -2,6 +2,7 @@
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 
 from style_core.errors import UsageError
+from style_core.text import shown
 
 __all__ = ['declare', 'values_of', 'watch']
 
@@ -57,6 +58,10 @@ def watch(node, table, configured, apply):
                 apply(table.check_change(values_of(node, table), changes, configured()))
             except UsageError as error:
                 return SetParametersResult(successful=False, reason=str(error))
+            except Exception as error:  # the node stays, with the values it has
+                if hasattr(node.executor, 'failures'):
+                    node.executor.failures.note(error, node.get_logger())
+                return SetParametersResult(successful=False, reason=shown(f'{type(error).__name__}: {error}', 400))
         return SetParametersResult(successful=True)
     node.add_on_set_parameters_callback(on_set)
 

@@ -1,22 +1,20 @@
 """Joint states in, predicted joint trajectory out: the predictor as a lifecycle node."""
 import gc
 import sys
-import threading
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
-from style_core.errors import MotionError, UsageError
+from style_core.errors import ModelError, MotionError, UsageError
 from style_core.stream.health import WARN, Health, health_of
 from style_core.stream.joint_map import identity_map, read_joint_map
 from style_core.stream.loading import load_live
@@ -26,6 +24,7 @@ from style_msgs.srv import LoadModel, ResetEstimate, SetMask
 from style_node.diagnostics import diagnostics_message
 from style_node.executor import run
 from style_node.lifecycle import SoundLifecycleNode, transition
+from style_node.loader import Loader
 from style_node.ros_parameters import declare, values_of, watch
 from style_predictor.outputs import Outputs, Writers
 from style_predictor.parameters import PREDICTOR, horizons_of, settings_of
@@ -47,7 +46,6 @@ class PredictorNode(SoundLifecycleNode):
         super().__init__('predictor', **options)
         self._stream = None
         self._active = False
-        self._loading = False
         declare(self, PREDICTOR)
         watch(self, PREDICTOR, lambda: self._stream is not None, self._apply)
 
@@ -65,6 +63,7 @@ class PredictorNode(SoundLifecycleNode):
         self._live, self._stream, self._writers = live, stream, writers
         self._outlook = None
         self._reader = JointStateReader()
+        self._loader = Loader(self, self._load)
         self._next_publication = 0.0
         self._warned = set()
         self._report_due = False
@@ -78,9 +77,9 @@ class PredictorNode(SoundLifecycleNode):
         self._own_services = [
             self.create_service(SetMask, '~/set_mask', self._on_set_mask),
             self.create_service(ResetEstimate, '~/reset', self._on_reset),
-            # waits for its thread without keeping joint states waiting
+            # waits for its thread without keeping joint states waiting, or the next request
             self.create_service(LoadModel, '~/load_model', self._on_load_model,
-                                callback_group=MutuallyExclusiveCallbackGroup())]
+                                callback_group=ReentrantCallbackGroup())]
         gc.collect()
         gc.freeze()  # what is loaded now stays; the collector need not look at it again
         self.get_logger().info(f'configured with {live.name} ({live.method}), {len(stream.robot_joints)} joints, '
@@ -200,7 +199,7 @@ class PredictorNode(SoundLifecycleNode):
             health = health_of(self._stream, self._now(), self._outlook)
         else:
             health = Health(WARN, 'not active', {})
-        self._diagnostics.publish(diagnostics_message(self.get_clock().now().to_msg(), name, health, self._live.name))
+        self._diagnostics.publish(diagnostics_message(self, name, health, self._live.name))
 
     def _warn_once(self):
         counts = self._stream.tally.total
@@ -235,32 +234,23 @@ class PredictorNode(SoundLifecycleNode):
         return response
 
     async def _on_load_model(self, request, response):
-        if self._loading:
-            response.message = 'another model is being loaded'
-        else:
-            self._loading = True
-            done = Future(executor=self.executor)
-            horizons = self._horizons
-            threading.Thread(target=self._load, args=(request.path, horizons, done), daemon=True).start()
-            loaded = await done
-            self._loading = False
-            if isinstance(loaded, Exception):
-                response.message = str(loaded)
-            elif self._stream is None or horizons is not self._horizons:
-                response.message = 'the node was reconfigured meanwhile: the model is not taken over'
-            else:
-                self._take_over(*loaded)
-                response.success = True
+        try:
+            horizons, loaded = await self._loader.load(request.path)
+            if self._stream is None or horizons is not self._horizons:
+                raise UsageError('the node was reconfigured meanwhile: the model is not taken over')
+            self._take_over(*loaded)
+            response.success = True
+        except (ModelError, MotionError, UsageError, OSError) as error:
+            response.message = str(error)
         if self._stream is not None:
             response.model, response.kind = self._live.name, self._live.kind
             response.joint_names = list(self._live.predictor.joint_names)
         return response
 
-    def _load(self, path, horizons, done):
-        try:
-            done.set_result(self._build(path, horizons))
-        except Exception as error:  # whatever it is, whoever asked must hear of it
-            done.set_result(error)
+    def _load(self, path):
+        """Horizons, and what is built for them; in a thread."""
+        horizons = self._horizons
+        return horizons, self._build(path, horizons)
 
     def _take_over(self, live, stream, writers):
         old = self._stream

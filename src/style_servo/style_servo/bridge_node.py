@@ -27,6 +27,7 @@ from style_core.stream.stamp_policy import NANOSECONDS
 from style_msgs.msg import BridgeState
 from style_node.diagnostics import diagnostics_message
 from style_node.executor import run
+from style_node.failures import CannotGoOn
 from style_node.lifecycle import SoundLifecycleNode, transition
 from style_node.ros_parameters import declare, values_of, watch
 from style_node.templates import MessageTemplate
@@ -247,13 +248,19 @@ class BridgeNode(SoundLifecycleNode):
     def _tell_rejection(self, error):
         self.get_logger().warning(f'trajectory refused: {error}', throttle_duration_sec=1.0)
 
+    def _stop(self, reason):
+        try:
+            self._in_turn(lambda: self._bridge.estop(time.monotonic(), reason))
+        except Exception as error:  # a stop that fails ends the program, which lets go of the motors
+            raise CannotGoOn(f'{reason} failed') from error
+
     def _on_estop_topic(self, message):
         self._bridge.estop_held = message.data
         if message.data:
-            self._in_turn(lambda: self._bridge.estop(time.monotonic(), 'emergency stop by topic'))
+            self._stop('emergency stop by topic')
 
     def _on_estop(self, request, response):
-        self._in_turn(lambda: self._bridge.estop(time.monotonic(), 'emergency stop by service'))
+        self._stop('emergency stop by service')
         response.success = True     # where there is nothing to stop, it is stopped already: FAULT, DISARMED
         response.message = self._bridge.state.name
         return response
@@ -303,7 +310,7 @@ class BridgeNode(SoundLifecycleNode):
 
     def _on_news(self):
         if self._loop is not None and self._loop.failure is not None:
-            raise self._loop.failure
+            raise CannotGoOn('the servo thread has failed') from self._loop.failure
         self._publish_changes()
 
     def _publish_changes(self):
@@ -342,13 +349,14 @@ class BridgeNode(SoundLifecycleNode):
         health = Health(WARN, 'not active', {})
         if self._loop is not None:
             health = health_of_bridge(self._bridge, self._times, self._flood, time.monotonic())
-        self._diagnostics.publish(diagnostics_message(self.get_clock().now().to_msg(),
-                                                      f'{self.get_name()}: motors', health, self._bridge.chain.name))
+        self._diagnostics.publish(diagnostics_message(self, f'{self.get_name()}: motors', health,
+                                                      self._bridge.chain.name))
 
 
 def main(args=None):
     """Run the node until it is told to stop; the motors are released on every way out that Python sees."""
-    return run(BridgeNode, 'servo_bridge', args=args, switch_interval=SWITCH_S, services_wait=False)
+    return run(BridgeNode, 'servo_bridge', args=args, switch_interval=SWITCH_S, services_wait=False,
+               must_let_go=True)
 
 
 if __name__ == '__main__':

@@ -1,12 +1,10 @@
 """The synthesizer's services: style, list of styles, another model."""
-import threading
-
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.task import Future
+from rclpy.callback_groups import ReentrantCallbackGroup
 
 from style_core.errors import ModelError, MotionError, UsageError
 from style_core.synthesis.stage import style_bounds
 from style_msgs.srv import ListStyles, LoadModel, SetStyle
+from style_node.loader import Loader
 from style_synth.outputs import style_message
 
 __all__ = ['Services']
@@ -23,13 +21,13 @@ class Services:
     """
 
     def __init__(self, node, load):
-        self._node, self._load, self._loading = node, load, False
+        self._node, self._loader = node, Loader(node, load)
         create = node.create_service
         self._served = [
             create(SetStyle, '~/set_style', self._on_set_style),
             create(ListStyles, '~/list_styles', self._on_list_styles),
-            # waits for its thread without keeping windows waiting
-            create(LoadModel, '~/load_model', self._on_load_model, callback_group=MutuallyExclusiveCallbackGroup())]
+            # waits for its thread without keeping windows waiting, or the next request
+            create(LoadModel, '~/load_model', self._on_load_model, callback_group=ReentrantCallbackGroup())]
 
     def destroy(self):
         """Take the services down."""
@@ -60,34 +58,17 @@ class Services:
 
     async def _on_load_model(self, request, response):
         node = self._node
-        if self._loading:
-            response.message = 'another model is being loaded'
-        else:
-            self._loading = True
-            done = Future(executor=node.executor)
-            threading.Thread(target=self._load_into, args=(request.path, done), daemon=True).start()
-            loaded = await done
-            self._loading = False
-            try:
-                if isinstance(loaded, Exception):
-                    raise loaded
-                if node.stage is None:
-                    raise UsageError('the node was taken down meanwhile')
-                node.stage.replace(loaded)
-                node.describe()
-                response.success = True
-            except (UsageError, ModelError, MotionError, OSError) as error:
-                response.message = str(error)
+        try:
+            loaded = await self._loader.load(request.path)
+            if node.stage is None:
+                raise UsageError('the node was taken down meanwhile')
+            node.stage.replace(loaded)
+            node.describe()
+            response.success = True
+        except (UsageError, ModelError, MotionError, OSError) as error:
+            response.message = str(error)
         if node.stage is not None:
             repertoire = node.stage.repertoire
             response.model, response.kind = repertoire.name, repertoire.kind
             response.joint_names = list(repertoire.joint_names)
         return response
-
-    def _load_into(self, path, done):
-        try:
-            if not path:
-                raise UsageError('give the path of a model file')
-            done.set_result(self._load(path))
-        except Exception as error:  # whatever it is, whoever asked must hear of it
-            done.set_result(error)

@@ -199,7 +199,7 @@ class SynthesizerNode(SoundLifecycleNode):
 
     def _report(self):
         health = synthesis_health(self.stage, self.tally) if self.active else Health(WARN, 'not active', {})
-        self._diagnostics.publish(diagnostics_message(self.stamp(), f'{self.get_name()}: motion synthesis', health,
+        self._diagnostics.publish(diagnostics_message(self, f'{self.get_name()}: motion synthesis', health,
                                                       self.stage.repertoire.name))
 
 
