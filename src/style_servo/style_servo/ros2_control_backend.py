@@ -14,6 +14,8 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from style_core.errors import MotionError
+from style_node.message_reading import reader_of
 from style_servo.backend import BackendFault, Measurement
 
 __all__ = ['Ros2ControlBackend']
@@ -43,12 +45,15 @@ class Ros2ControlBackend:
         self._controller, self._state_timeout, self._error_run = controller, state_timeout, error_run
         self._index = {name: i for i, name in enumerate(self._names)}
         self.measurement = Measurement.unknown(len(self._names))
-        self.statistics = {'cycles': 0, 'read errors': 0, 'goals sent': 0, 'goals refused': 0}
+        self.statistics = {'cycles': 0, 'read errors': 0, 'goals sent': 0, 'goals refused': 0,
+                           'unreadable joint states': 0}
         self.notes = []
         self._seen = np.full(len(self._names), -np.inf)
         self._run = 0
         self._problem = None
-        self._subscription = node.create_subscription(JointState, 'joint_states', self._on_state, QoSProfile(depth=5))
+        self._reader = reader_of(JointState, 'joint state', ('name', 'position', 'velocity', 'effort'))
+        self._subscription = node.create_subscription(JointState, 'joint_states', self._on_state, QoSProfile(depth=5),
+                                                      raw=True)
         self._every = 1
         self._publisher = self._action = self._goal = None
         if goal_rate is None:
@@ -59,7 +64,12 @@ class Ros2ControlBackend:
             # action clients belong to the executor's thread, cycles to another one
             self._goals_due = node.create_guard_condition(self._send_goal)
 
-    def _on_state(self, message):
+    def _on_state(self, data):
+        try:
+            message = self._reader.read(data)
+        except MotionError:
+            self.statistics['unreadable joint states'] += 1
+            return
         now = time.monotonic()
         for k, name in enumerate(message.name):
             i = self._index.get(name)

@@ -5,10 +5,11 @@ import numpy as np
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from style_core.errors import ModelError, UsageError
+from style_core.errors import ModelError, MotionError, UsageError
 from style_core.stream.stamp_policy import NANOSECONDS
 from style_core.synthesis.repertoire import Score
 from style_msgs.msg import StateSequence, StyleEstimate, StyleVector
+from style_node.message_reading import reader_of
 
 __all__ = ['Inputs', 'score_of']
 
@@ -17,6 +18,9 @@ ESTIMATE_QOS = QoSProfile(depth=8, reliability=ReliabilityPolicy.BEST_EFFORT)
 OLDEST_S = 0.2
 #: a stamp by more than this earlier than the one before is a clock set back, not an estimate overtaken by another, ns
 SET_BACK = NANOSECONDS
+#: what is used of an estimate
+ESTIMATE_FIELDS = ('header', 'model', 'status', 'discrete', 'phase', 'phase_velocity', 'style', 'behaviours',
+                   'behaviour_probabilities')
 
 
 def score_of(message):
@@ -57,7 +61,7 @@ def person_of(message, model, now):
 
 
 class Inputs:
-    """The synthesizer's subscriptions.
+    """The synthesizer's subscriptions: serialised messages, which a checked reader takes apart.
 
     Parameters
     ----------
@@ -68,24 +72,37 @@ class Inputs:
         self._node = node
         self._newest = 0    # stamp of the newest estimate, ns
         overrides = QoSOverridingOptions.with_default_policies()
-        self._heard = [node.create_subscription(kind, topic, callback, qos, qos_overriding_options=overrides)
-                       for kind, topic, callback, qos in (
-                           (StateSequence, '~/sequence', self._on_sequence, 5),
-                           (StyleVector, '~/style', self._on_style, 5),
-                           (StyleEstimate, 'estimate', self._on_estimate, ESTIMATE_QOS))]
+        self._heard = [
+            node.create_subscription(kind, topic, self._reading(reader_of(kind, what, wanted), what, take), qos,
+                                     raw=True, qos_overriding_options=overrides)
+            for kind, topic, what, take, qos, wanted in (
+                (StateSequence, '~/sequence', 'sequence', self._on_sequence, 5, None),
+                (StyleVector, '~/style', 'style', self._on_style, 5, None),
+                (StyleEstimate, 'estimate', 'estimate', self._on_estimate, ESTIMATE_QOS, ESTIMATE_FIELDS))]
 
     def destroy(self):
         """Take the subscriptions down."""
         for one in self._heard:
             self._node.destroy_subscription(one)
 
+    def _reading(self, reader, what, take):
+        """A callback that reads a serialised message and hands it on; nothing while the node is not active."""
+        def callback(data):
+            if not self._node.active:
+                return
+            try:
+                message = reader.read(data)
+            except MotionError as error:
+                self._refused(what, error)
+            else:
+                take(message)
+        return callback
+
     def _refused(self, what, error):
         self._node.tally.count(f'{what} refused')
         self._node.get_logger().warning(f'{what} refused: {error}', throttle_duration_sec=1.0)
 
     def _on_sequence(self, message):
-        if not self._node.active:
-            return
         try:
             score = score_of(message)
             if score is None:
@@ -95,8 +112,6 @@ class Inputs:
             self._refused('sequence', error)
 
     def _on_style(self, message):
-        if not self._node.active:
-            return
         try:
             self._node.stage.set_style(message.name if not len(message.values) else message.values)
         except UsageError as error:
@@ -104,8 +119,6 @@ class Inputs:
 
     def _on_estimate(self, message):
         node = self._node
-        if not node.active:
-            return
         person = person_of(message, node.stage.repertoire.name, node.now())
         if person is None:
             node.tally.count('estimates not followed')
