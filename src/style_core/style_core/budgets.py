@@ -17,7 +17,7 @@ ERROR_TEXT, SHOWN_TEXT = 1000, 64
 FACT_TEXT, FACTS_TEXT = 2048, 32_768
 #: of names that no model knows and that are remembered to be reported: how many, and their bytes
 UNKNOWN_NAMES, UNKNOWN_BYTES = 64, 4096
-#: of lists of joint names that are remembered so that they need not be read again, in bytes (of their text)
+#: of lists of joint names that are remembered so that they need not be read again, in bytes
 REMEMBERED_BYTES = 1 << 20
 #: of a serialised joint state, estimate, style or sequence, in bytes
 MESSAGE_BYTES = 1 << 20

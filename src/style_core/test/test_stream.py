@@ -1,9 +1,12 @@
 """The stream between messages and a predictor, with a stand-in predictor whose answers are known."""
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from style_core.budgets import REMEMBERED_BYTES, UNKNOWN_BYTES, UNKNOWN_NAMES
 from style_core.errors import MotionError, UsageError
 from style_core.predictor import Estimate, Prediction, Status
 from style_core.stream.health import health_of
@@ -191,10 +194,19 @@ def test_reset_keeps_the_mask():
 
 def test_publishers_with_ever_new_names_do_not_fill_the_memory():
     live = stream()
-    for number in range(1000):
+    tracemalloc.start()
+    for number in range(10_000):
         live.receive([f'joint{number}', 'hip'], [0.0, 1.0], 10 * S + number * 1000, 0)
-    assert len(live.unknown) <= 256 and len(live._lookups) <= 256
-    assert len(live.predictor.log) == 1000
+    for number in range(20):    # many names at once, and long ones
+        many = [f'{number} {place}' for place in range(4096)]
+        live.receive([*many, 'hip'], np.zeros(4097), 11 * S + number * 1000, 0)
+        live.receive(['\x1b[31m\n' + 'x' * 200_000 + str(number), 'hip'], [0.0, 1.0], 12 * S + number * 1000, 0)
+    held = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert held < 4 * REMEMBERED_BYTES
+    assert len(live.unknown) <= UNKNOWN_NAMES and sum(map(len, live.unknown)) <= UNKNOWN_BYTES
+    assert all(name.isprintable() for name in live.unknown)
+    assert len(live.predictor.log) > 10_000
 
 
 @pytest.mark.parametrize('changes, message', [

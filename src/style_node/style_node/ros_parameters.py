@@ -34,7 +34,7 @@ def declare(node, table):
 
 def values_of(node, table):
     """All values of a table, as they stand now."""
-    return {one.name: _plain(node.get_parameter(one.name).value) for one in table}
+    return {one.name: _plain(node.get_parameter(one.name).value, one.default) for one in table}
 
 
 def watch(node, table, configured, apply):
@@ -49,10 +49,10 @@ def watch(node, table, configured, apply):
     apply : callable
         Takes the complete new values; called only where something in the table changes.
     """
-    names = {one.name for one in table}
+    defaults = {one.name: one.default for one in table}
 
     def on_set(parameters):
-        changes = {parameter.name: _plain(parameter.value) for parameter in parameters if parameter.name in names}
+        changes = {one.name: _plain(one.value, defaults[one.name]) for one in parameters if one.name in defaults}
         if changes:
             try:
                 apply(table.check_change(values_of(node, table), changes, configured()))
@@ -66,5 +66,7 @@ def watch(node, table, configured, apply):
     node.add_on_set_parameters_callback(on_set)
 
 
-def _plain(value):
+def _plain(value, default=None):
+    if value is None and isinstance(default, tuple):
+        return []   # an empty list in a file or on a command line has no type
     return list(value) if isinstance(value, tuple) else value

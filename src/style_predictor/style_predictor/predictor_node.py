@@ -11,7 +11,6 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 
 from style_core.errors import ModelError, MotionError, UsageError
@@ -25,6 +24,7 @@ from style_node.diagnostics import diagnostics_message
 from style_node.executor import run
 from style_node.lifecycle import SoundLifecycleNode, transition
 from style_node.loader import Loader
+from style_node.qos import overrides
 from style_node.ros_parameters import declare, values_of, watch
 from style_predictor.outputs import Outputs, Writers
 from style_predictor.parameters import PREDICTOR, horizons_of, settings_of
@@ -72,7 +72,7 @@ class PredictorNode(SoundLifecycleNode):
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_states, INPUT_QOS, raw=True,
-            qos_overriding_options=QoSOverridingOptions.with_default_policies())
+            qos_overriding_options=overrides())
         self._timer = self.create_timer(1.0, self._on_report_due, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._own_services = [
             self.create_service(SetMask, '~/set_mask', self._on_set_mask),
@@ -215,7 +215,7 @@ class PredictorNode(SoundLifecycleNode):
         unknown = [name for name in self._stream.unknown if ('unknown', name) not in self._warned]
         if unknown:
             self._warned.update(('unknown', name) for name in unknown)
-            self.get_logger().warning(f'joints that the model does not know are ignored: {", ".join(unknown)}')
+            self.get_logger().warning(f'joints that the model does not know are ignored: {" ".join(unknown)}')
 
     def _on_set_mask(self, request, response):
         try:

@@ -14,7 +14,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
@@ -29,6 +28,7 @@ from style_node.diagnostics import diagnostics_message
 from style_node.executor import run
 from style_node.failures import CannotGoOn
 from style_node.lifecycle import SoundLifecycleNode, transition
+from style_node.qos import overrides
 from style_node.ros_parameters import declare, values_of, watch
 from style_node.templates import MessageTemplate
 from style_servo.backend import BackendFault
@@ -135,7 +135,6 @@ class BridgeNode(SoundLifecycleNode):
         self._command_message = MessageTemplate(JointState(name=self._names, position=zero, velocity=zero))
         self._measured_message = MessageTemplate(JointState(name=self._names, position=zero, velocity=zero,
                                                             effort=zero))
-        overrides = QoSOverridingOptions.with_default_policies()
         self._commanded = self.create_lifecycle_publisher(JointState, '~/command', 50)
         # with ros2_control the joint state broadcaster publishes these
         self._joint_states = None
@@ -146,8 +145,8 @@ class BridgeNode(SoundLifecycleNode):
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._subscriptions_made = [
             self.create_subscription(JointTrajectory, 'joint_trajectory', self._on_trajectory, 8, raw=True,
-                                     qos_overriding_options=overrides),
-            self.create_subscription(Bool, 'estop', self._on_estop_topic, 10, qos_overriding_options=overrides)]
+                                     qos_overriding_options=overrides()),
+            self.create_subscription(Bool, 'estop', self._on_estop_topic, 10, qos_overriding_options=overrides())]
         self._services_made = [self.create_service(Trigger, '~/estop', self._on_estop),
                                self.create_service(Trigger, '~/reset', self._on_reset)]
         # the steady clock: a motor bus must not follow a simulated or corrected time

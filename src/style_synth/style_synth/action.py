@@ -3,8 +3,10 @@ import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.task import Future
 
+from style_core.budgets import ERROR_TEXT, GOAL_S
 from style_core.errors import ModelError, MotionError, UsageError
 from style_core.synthesis.performer import Performer, window_times
+from style_core.text import shown
 from style_msgs.action import Synthesize
 from style_synth.inputs import score_of
 from style_synth.outputs import status_message, trajectory_message
@@ -15,7 +17,7 @@ __all__ = ['SynthesizeServer']
 CHUNK_S = 0.5
 #: further ahead that counts, s
 AHEAD_S = 0.3
-MOST_S = 600.0
+MOST_S = GOAL_S
 STOP_S = 0.5
 
 
@@ -62,11 +64,10 @@ class SynthesizeServer:
         self._server = ActionServer(node, Synthesize, '~/synthesize', self._execute, goal_callback=self._judge,
                                     cancel_callback=lambda handle: CancelResponse.ACCEPT)
 
-    def destroy(self):
-        """End what runs and take the server down."""
-        if self._job is not None:
+    def give_up(self):
+        """End what runs; its client gets a result that says so."""
+        if self._job is not None and not self._job.done.done():
             self._finish('the node was taken down')
-        self._server.destroy()
 
     def _judge(self, request):
         if self._taken or not self._node.active:
@@ -95,6 +96,10 @@ class SynthesizeServer:
         except (UsageError, ModelError, MotionError) as error:
             handle.abort()
             return Synthesize.Result(success=False, message=str(error))
+        except Exception as error:  # the client hears of it, and the node stays
+            self._node.executor.failures.note(error, self._node.get_logger())
+            handle.abort()
+            return Synthesize.Result(success=False, message=shown(f'{type(error).__name__}: {error}', ERROR_TEXT))
         finally:
             self._job, self._taken = None, False
 

@@ -3,13 +3,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from style_core.errors import ModelError, MotionError, UsageError
 from style_core.stream.stamp_policy import NANOSECONDS
 from style_core.synthesis.repertoire import Score
 from style_msgs.msg import StateSequence, StyleEstimate, StyleVector
 from style_node.message_reading import reader_of
+from style_node.qos import overrides
 
 __all__ = ['Inputs', 'score_of']
 
@@ -71,10 +71,9 @@ class Inputs:
     def __init__(self, node):
         self._node = node
         self._newest = 0    # stamp of the newest estimate, ns
-        overrides = QoSOverridingOptions.with_default_policies()
         self._heard = [
             node.create_subscription(kind, topic, self._reading(reader_of(kind, what, wanted), what, take), qos,
-                                     raw=True, qos_overriding_options=overrides)
+                                     raw=True, qos_overriding_options=overrides())
             for kind, topic, what, take, qos, wanted in (
                 (StateSequence, '~/sequence', 'sequence', self._on_sequence, 5, None),
                 (StyleVector, '~/style', 'style', self._on_style, 5, None),

@@ -62,8 +62,8 @@ class Outputs:
             self._node.destroy_lifecycle_publisher(publisher)
 
     def window(self, now, positions, velocities):
-        """Publish a window; stamps strictly increase, whatever the clock does."""
-        self._last = max(now, self._last + 1)
+        """Publish a window; stamps strictly increase, unless the clock is set back by more than a second."""
+        self._last = now if now < self._last - NANOSECONDS else max(now, self._last + 1)
         self._trajectory.publish(self._window.write(
             {'points.positions': positions, 'points.velocities': velocities}, self._last))
 

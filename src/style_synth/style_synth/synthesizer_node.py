@@ -43,6 +43,8 @@ class SynthesizerNode(SoundLifecycleNode):
         self.active = False
         declare(self, SYNTHESIZER)
         watch(self, SYNTHESIZER, lambda: self.stage is not None, self._apply)
+        # as long as the node: who has asked for a motion gets its result also where the node is cleaned up meanwhile
+        self._action = SynthesizeServer(self)
 
     # --- lifecycle ----------------------------------------------------------------------------------------------
 
@@ -63,7 +65,7 @@ class SynthesizerNode(SoundLifecycleNode):
         self.tally = Tally()
         self._outputs = Outputs(self, stage.joint_names, self._ahead)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._inputs, self._offered, self._action = Inputs(self), Services(self, self._load), SynthesizeServer(self)
+        self._inputs, self._offered = Inputs(self), Services(self, self._load)
         self._timers_made = [self.create_timer(1.0 / values['rate'], self._tick),
                              self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))]
         self._told, self._status_due, self._at_rest = None, 0.0, False
@@ -92,7 +94,7 @@ class SynthesizerNode(SoundLifecycleNode):
         self.active = False
         if self.stage is None:
             return
-        self._action.destroy()
+        self._action.give_up()
         self.stage = None
         self._inputs.destroy()
         self._offered.destroy()
@@ -171,8 +173,8 @@ class SynthesizerNode(SoundLifecycleNode):
         self.pass_time()
         # estimates are answered at once; the timer only fills their silence
         following = self.stage.mode == 'follow' and \
-            self._clock_was - self._published < 1.5 * NANOSECONDS / self._values['rate']
-        if not following:
+            0 <= self._clock_was - self._published < 1.5 * NANOSECONDS / self._values['rate']
+        if not following:       # nor has the clock been set back
             self.publish()
         standing = self.stage.standing()
         if (standing.state, standing.message) != self._told or perf_counter() >= self._status_due:

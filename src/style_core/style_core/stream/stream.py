@@ -5,6 +5,7 @@ from typing import Optional, Tuple
 
 import numpy as np
 
+from style_core.budgets import REMEMBERED_BYTES, UNKNOWN_BYTES, UNKNOWN_NAMES
 from style_core.errors import UsageError
 from style_core.motion import matching_names
 from style_core.predictor import Estimate, Status
@@ -12,13 +13,14 @@ from style_core.stream.bound_map import all_finite
 from style_core.stream.frames import FrameAssembler, usable
 from style_core.stream.stamp_policy import NANOSECONDS, StampPolicy
 from style_core.stream.tally import Tally
+from style_core.text import shown
 
 __all__ = ['StreamSettings', 'Step', 'Outlook', 'PredictorStream', 'warm_up']
 
 #: robot angles beyond this (rad) are broken sensors, whatever the joint
 IMPLAUSIBLE_RAD = 100.0
-#: how many name lists and unknown names are remembered; more than any robot has, less than a broken publisher makes
-_REMEMBERED = 256
+#: bytes that a remembered name takes besides its text, and a list of names besides them, about
+_NAME_COST, _LIST_COST = 64, 512
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ class PredictorStream:
         self.tally = Tally()
         self.unknown = {}
         self._numbers = {name: i for i, name in enumerate(joint_map.robot_joints)}
-        self._lookups = {}
+        self._lookups, self._lookup_bytes = {}, 0
         self._newest_names = self._newest_lookup = None
         self._allowed = np.ones(len(joint_map.robot_joints), dtype=bool)
         self._frames = FrameAssembler(len(self._allowed), 0, 0)
@@ -229,15 +231,25 @@ class PredictorStream:
         if found is None:
             known = [(self._numbers[name], place) for place, name in enumerate(names) if name in self._numbers]
             for name in names:
-                if name not in self._numbers and len(self.unknown) < _REMEMBERED:
-                    self.unknown[name] = None
+                if name not in self._numbers:
+                    self._note_unknown(shown(name))
             table = np.array(known, dtype=np.intp).reshape(-1, 2)
             found = table[:, 0].copy(), table[:, 1].copy(), len({number for number, _ in known}) == len(known)
-            if len(self._lookups) >= _REMEMBERED:
+            cost = sum(map(len, names)) + _NAME_COST * len(names) + _LIST_COST
+            if self._lookup_bytes + cost > REMEMBERED_BYTES:
                 self._lookups.clear()
-            self._lookups[names] = found
+                self._lookup_bytes = 0
+            if cost <= REMEMBERED_BYTES:
+                self._lookups[names] = found
+                self._lookup_bytes += cost
         self._newest_names, self._newest_lookup = names, found
         return found
+
+    def _note_unknown(self, name):
+        """Remember a name to be reported, as long as there is room."""
+        if name not in self.unknown and len(self.unknown) < UNKNOWN_NAMES \
+                and sum(map(len, self.unknown)) + len(name) <= UNKNOWN_BYTES:
+            self.unknown[name] = None
 
     def _update(self, frame):
         if self._epoch is None:

@@ -242,10 +242,10 @@ class Stage:
             self._begin(source)
             return True
         source.estimate(phase, velocity, age)
-        if style is not None and len(style) == len(source.target) and np.isfinite(style).all():
-            self._person = np.asarray(style, dtype=float)
-            if PERSON in self.style_text:
-                with suppress(UsageError):      # an odd estimate: the last style stays
+        if style is not None and len(style) == len(source.target):
+            with suppress(UsageError):      # an odd estimate: the last style stays
+                self._person = check_style(source, np.asarray(style, dtype=float), self.settings.max_exaggeration)
+                if PERSON in self.style_text:
                     source.set_style(self._read(source, self.style_text), _PERSON_LAG_S)
         return True
 

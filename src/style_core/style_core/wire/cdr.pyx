@@ -1,6 +1,8 @@
 """Messages as the middleware delivers them (CDR): stamp and joint names, and the points of joint trajectories."""
 from libc.string cimport memcmp, memcpy
 
+from style_core.budgets import JOINTS, NAME_BYTES, REMEMBERED_BYTES
+
 __all__ = ['ENCAPSULATION', 'POINT_FIELDS', 'StampedNamesReader', 'copy_points']
 
 cdef enum:
@@ -53,7 +55,8 @@ cdef class StampedNamesReader:
         else:
             names, end = self._names(data, little)
             known = bytes(data[AFTER_STAMP:end]), little, names
-            self.known = [known, *self.known][:REMEMBERED]
+            if end - AFTER_STAMP <= REMEMBERED_BYTES // REMEMBERED:
+                self.known = [known, *self.known][:REMEMBERED]
         return '<' if little else '>', stamp, known[2], end
 
     def number(self, const unsigned char[::1] data not None, str order, Py_ssize_t at):
@@ -77,6 +80,8 @@ cdef class StampedNamesReader:
         at += 4
         if count > data.shape[0] // 5:  # a text takes five bytes at least
             raise self.damaged('names are cut off')
+        if count > JOINTS:
+            raise self.damaged(f'it has {count} names, {JOINTS} at most are read')
         names = []
         for _ in range(count):
             at = self._room(data, at)
@@ -84,6 +89,8 @@ cdef class StampedNamesReader:
             at += 4
             if not length or at + length > data.shape[0]:
                 raise self.damaged('names are cut off')
+            if length - 1 > NAME_BYTES:
+                raise self.damaged(f'a name of {length - 1} bytes, {NAME_BYTES} at most are read')
             names.append(bytes(data[at:at + length - 1]).decode('utf-8', 'replace'))
             at += length
         return tuple(names), at

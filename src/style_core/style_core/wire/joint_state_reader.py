@@ -1,6 +1,7 @@
 """Read joint states as the middleware delivers them, without building a message object."""
 import numpy as np
 
+from style_core.budgets import MESSAGE_BYTES
 from style_core.errors import MotionError
 from style_core.wire.cdr import ENCAPSULATION, StampedNamesReader
 
@@ -41,6 +42,8 @@ class JointStateReader(StampedNamesReader):
         MotionError
             If the bytes are no joint state.
         """
+        if len(data) > MESSAGE_BYTES:
+            raise MotionError(f'a joint state of {len(data)} bytes is refused unread')
         order, stamp, names, at = self.begin(data)
         count, at = self.number(data, order, at)
         if count:

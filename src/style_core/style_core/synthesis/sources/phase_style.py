@@ -1,6 +1,7 @@
 """Phase-style models as a source of motion: a cycle at a commanded cadence, and following a person's phase."""
 import numpy as np
 
+from style_core.budgets import LARGEST_PHASE
 from style_core.errors import ModelError, UsageError
 from style_core.phase_style.table import NODES, tabulate
 from style_core.synthesis.glide import Glide
@@ -227,10 +228,14 @@ class FollowSource(_Styled):
         Raises
         ------
         UsageError
-            If a number is not finite.
+            If a number is not finite, or larger than `style_core.budgets` allows.
         """
         if not np.isfinite([phase, velocity, age]).all():
             raise UsageError('an estimate of phase and phase velocity must be finite')
+        if max(abs(phase), abs(velocity)) > LARGEST_PHASE:
+            raise UsageError(f'an estimate of phase {phase:.3g} and phase velocity {velocity:.3g} is refused: '
+                             f'{LARGEST_PHASE:g} at most')
+        phase = phase % TURN
         velocity = float(np.clip(velocity, self._lowest, self._highest))
         goal = phase + velocity * max(age, 0.0)
         if not self.ready:

@@ -3,6 +3,7 @@ from collections import deque
 
 import numpy as np
 
+from style_core.budgets import SEQUENCE_NUMBERS, SEQUENCE_S
 from style_core.errors import ModelError, UsageError
 from style_core.style_machine import StreamingSynthesizer
 from style_core.synthesis.sources.source import COAST_S, TimedSource, coast_to_rest, hermite
@@ -23,8 +24,8 @@ def frames_of_states(states, dwell_times, machine):
         raise UsageError(f'{states.size} states and {dwell_times.size} dwell times: as many of each, at least one')
     if not (np.isfinite(dwell_times).all() and (dwell_times > 0).all()):
         raise UsageError('dwell times must be positive')
-    if dwell_times.sum() > 3600:
-        raise UsageError('a sequence may last an hour at most')
+    if dwell_times.sum() > SEQUENCE_S:
+        raise UsageError(f'a sequence may last {SEQUENCE_S:g} s at most')
     wrong = [int(state) for state in states if not 0 <= state < machine.n_states]
     if wrong:
         raise UsageError(f'there is no state {wrong[0]}; states are 0 .. {machine.n_states - 1}')
@@ -46,8 +47,10 @@ def frames_of_occupancy(occupancy, step, machine):
     if not (np.isfinite(occupancy).all() and (occupancy >= 0).all()
             and np.allclose(occupancy.sum(axis=1), 1.0, atol=1e-3)):
         raise UsageError('every row of occupancies must be probabilities that sum to 1')
-    if not (np.isfinite(step) and step > 0 and step * len(occupancy) <= 3600):
-        raise UsageError('the step of occupancies must be positive, and an hour at most altogether')
+    if not (np.isfinite(step) and step > 0 and step * len(occupancy) <= SEQUENCE_S):
+        raise UsageError(f'the step of occupancies must be positive, and {SEQUENCE_S:g} s at most altogether')
+    if len(occupancy) * step * machine.rate_hz * machine.n_states > SEQUENCE_NUMBERS:
+        raise UsageError(f'occupancies of {SEQUENCE_NUMBERS} numbers at most, at {machine.rate_hz:g} frames a second')
     times = np.arange(max(1, round(len(occupancy) * step * machine.rate_hz))) / machine.rate_hz
     row = np.clip(times / step - 0.5, 0, len(occupancy) - 1)
     low = np.minimum(row.astype(int), max(len(occupancy) - 2, 0))
