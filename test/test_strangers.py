@@ -37,7 +37,7 @@ class Tried(Probe):
     """A node as a process of its own in a domain of its own, and a peer that does it no good."""
 
     def __init__(self, name, folder, *arguments, **parameters):
-        harness.own_domain('x' * next(COUNT))
+        harness.own_domain('y' * next(COUNT))     # 121 and 100 have no common divisor
         self.environment = dict(os.environ)
         super().__init__(name, {'/joint_trajectory': (JointTrajectory, None), '/diagnostics': (DiagnosticArray, None),
                                 '/synthesizer/status': (SynthesisStatus, None)})
