@@ -1,5 +1,5 @@
 # Every target does the set-up it needs. The work is done by the scripts in scripts/.
-.PHONY: help setup demo test test-setup bench lint lock clean distclean
+.PHONY: help setup demo test test-setup bench chaos lint lock clean distclean
 .DEFAULT_GOAL := help
 
 help:  ## show this list
@@ -20,6 +20,9 @@ test-setup:  ## the set-up on machines that differ, simulated; takes a while and
 
 bench:  ## speed, as ratios to peers in the same run
 	@scripts/bench.sh
+
+chaos:  ## attack a running mirror and count what goes wrong; ten minutes, or SECONDS=60 SEED=2
+	@scripts/chaos.sh $(SECONDS) $(SEED)
 
 lint:  ## ruff over the whole repository
 	@scripts/lint.sh

@@ -43,7 +43,7 @@ class PromptExecutor(SingleThreadedExecutor):
     Callbacks of timers and subscriptions must be plain functions.
 
     No exception of a callback ends the program, unless it is CannotGoOn: it is noted in ``failures``, and a service
-    answers that the request failed.
+    answers that the request failed. A node with a method ``mishap`` takes the exception itself.
 
     Parameters
     ----------
@@ -162,6 +162,9 @@ class PromptExecutor(SingleThreadedExecutor):
         if isinstance(error, (CannotGoOn, ExternalShutdownException, ShutdownException)) or not self._context.ok():
             raise error
         nodes = self.get_nodes()
+        for mishap in (node.mishap for node in nodes if hasattr(node, 'mishap')):
+            mishap(error)
+            return
         self.failures.note(error, nodes[0].get_logger() if nodes else rclpy.logging.get_logger('executor'))
 
     def _make_handler(self, entity, node, take_from_wait_list, call_coroutine):
