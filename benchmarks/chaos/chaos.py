@@ -3,7 +3,8 @@
   python benchmarks/chaos/chaos.py --seconds 600 --seed 1
 
 Ten minutes by default. A judge of its own listens to what the motors are told; after every attack the fleet must
-follow the person again. Prints a table; exit status 1 where a command broke a limit, a node ended by itself or did not recover.
+follow the person again. Prints a table; exit status 1 where a command broke a limit, a node ended by itself or did not
+recover.
 """
 import argparse
 import os
@@ -28,6 +29,9 @@ from fleet import NODES, Fleet
 from style_core.errors import MotionError
 from style_servo.record import read_record, violations
 
+#: until what an attack has done can be seen, s
+SHOWS = 0.6
+
 
 def attack_for(fleet, seconds, rng):
     """Attack until the time is up; name of the attack -> recovery times, s (None where there was none)."""
@@ -37,7 +41,9 @@ def attack_for(fleet, seconds, rng):
         order = order or rng.sample(list(ATTACKS), len(ATTACKS))      # each as often as the others
         name = order.pop()
         ATTACKS[name](fleet, rng)
+        time.sleep(SHOWS)
         took = fleet.recover()
+        took = took if took is None else took + SHOWS
         recoveries[name].append(took)
         print(f'{name:10} {"recovered after " + format(took, ".1f") + " s" if took is not None else "NO RECOVERY"}',
               flush=True)

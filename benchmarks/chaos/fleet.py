@@ -102,7 +102,7 @@ class Fleet:
                 continue
             with open(f'/proc/{process.pid}/status') as facts:
                 found = [int(line.split()[1]) / 1024 for line in facts if line.startswith('VmHWM')]
-            self.memory[name] = max(self.memory.get(name, 0.0), *found)
+            self.memory[name] = max([self.memory.get(name, 0.0), *found])
 
     def close(self):
         """End everything, the bridge first."""
