@@ -3,6 +3,7 @@ import contextlib
 import itertools
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -358,3 +359,30 @@ def test_every_quality_of_service_that_is_documented_can_be_overridden(start, na
                                                 tried.node.get_subscriptions_info_by_topic(topic)
                                                 if one.node_name == name])
         assert found[0].reliability.name == 'RELIABLE' and found[0].durability.name == 'TRANSIENT_LOCAL'
+
+
+def documented_qualities():
+    """Topic (node first) -> the quality of service that the documentation gives it."""
+    page = (harness.ROOT / 'docs' / 'strangers.md').read_text()
+    rows = [line.strip('| \n').split(' | ') for line in page.splitlines()
+            if line.startswith(('| predictor `', '| synth'))]
+    return {(what.split()[0], topic, what.rsplit('(')[1].rstrip(')')): quality.split(', ')
+            for what, quality, _ in rows for topic in re.findall('`(.*?)`', what)}
+
+
+@pytest.mark.parametrize('name', ['synthesizer', 'predictor'])
+def test_the_table_of_qualities_is_what_the_middleware_says(request, name):
+    tried, node = request.getfixturevalue(name), request.getfixturevalue(name).node
+    asked = 0
+    for (who, topic, way), quality in documented_qualities().items():
+        if who != name:
+            continue
+        asked += 1
+        full = topic.replace('~', f'/{name}') if topic.startswith('~') else f'/{topic}'
+        ask = node.get_subscriptions_info_by_topic if way == 'in' else node.get_publishers_info_by_topic
+        found = tried.wait(lambda full=full, ask=ask: [one for one in ask(full) if one.node_name == name])
+        assert found, full
+        profile = found[0].qos_profile
+        assert [profile.reliability.name, profile.durability.name] == [
+            word.upper().replace(' ', '_') for word in quality[:2]], full
+    assert asked == {'synthesizer': 7, 'predictor': 7}[name]

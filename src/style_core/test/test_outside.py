@@ -7,6 +7,7 @@ import struct
 import threading
 import tracemalloc
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -243,3 +244,8 @@ def test_the_table_of_budgets_names_every_budget():
         if name == 'ARRAY_HEADER_BYTES':
             continue
         assert f'{value:g}' in text or f'{value}' in text or f'{value // (1 << 20)} MiB' in text, name
+
+
+def test_the_documentation_shows_the_budgets_as_they_are():
+    page = Path(__file__).resolve().parents[3] / 'docs' / 'strangers.md'
+    assert budgets.markdown() in page.read_text()
