@@ -64,7 +64,7 @@ class Fleet:
             self.records.append(record)
         parameters = {
             'servo_bridge': {'chain': CHAIN, 'port': port, 'record': record,
-                             'record_folder': self.folder, 'reply_timeout': 0.03, 'watchdog': 2.0,
+                             'record_folder': self.folder, 'reply_timeout': 0.08, 'watchdog': 2.0,
                              'error_run': 50},
             'predictor': {'model': MODEL},
             'synthesizer': {'model': MODEL, 'robot': 'exosuit6.yaml', 'mode': 'follow'}}.get(name, {})
