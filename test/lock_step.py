@@ -4,6 +4,7 @@ The bridge ticks at its rate, messages travel for a while, the controller update
 exactly what it commands. What the controller commanded is kept, to be judged against the motion that was sent.
 """
 import heapq
+from contextlib import suppress
 from types import SimpleNamespace
 from unittest import mock
 
@@ -13,6 +14,7 @@ from controller_stand_in import SECOND, JointTrajectoryController, Message, Para
 from rclpy.serialization import deserialize_message
 from trajectory_msgs.msg import JointTrajectory
 
+from style_core.errors import MotionError
 from style_core.follow.limiter import Limiter
 from style_servo import ros2_control_backend
 from style_servo.bridge import Bridge, BridgeSettings, Points
@@ -197,7 +199,7 @@ class LockStep:
         during : dict of float to callable, optional
             What else happens, and when, s.
         """
-        self._running = []
+        self._running, self._busy = [], self.now
         end = self.now + round(seconds * SECOND)
         for when, call in (during or {}).items():
             self.at(self.now + round(when * SECOND), call)
@@ -229,11 +231,9 @@ class LockStep:
             self.bridge.tick((self.now - EPOCH) / SECOND)
             if self.bridge.reason and (not self.reasons or self.reasons[-1] != self.bridge.reason):
                 self.reasons.append(self.bridge.reason)
-        late = round(self._lateness() * SECOND)
-        if late:
-            self.at(self.now + late, tick)
-        else:
-            tick()
+        # a late tick makes those after it wait
+        self._busy = max(self._busy, self.now + round(self._lateness() * SECOND))
+        self.at(self._busy, tick)
 
     def _window(self, motion, ahead, straight):
         now = (self.now - EPOCH) / SECOND
@@ -245,8 +245,9 @@ class LockStep:
                 self.controller.on_message(Message(stamp, list(self.chain.names), [
                     Point(round(t * SECOND), p, v) for t, p, v in zip(ahead, positions, velocities)]), self.now)
             else:
-                self.bridge.submit(Points(self.chain.names, ahead, positions, velocities), now,
-                                   (self.now - EPOCH) / SECOND, stamp / SECOND)
+                with suppress(MotionError):     # the bridge counts it
+                    self.bridge.submit(Points(self.chain.names, ahead, positions, velocities), now,
+                                       (self.now - EPOCH) / SECOND, stamp / SECOND)
         self._later(arrive)
 
     def _update(self):

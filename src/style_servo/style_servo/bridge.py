@@ -346,7 +346,8 @@ class Bridge:
             raise _refusal('future', f'it starts {start - now:.3f} s in the future '
                                      f'(at most {self.settings.max_lead:g})')
         points = self._complete(points)
-        at = now + self._lead       # what was commanded for the time before stands
+        # what was commanded for the time before stands
+        at = self.ticked + 1.0 / self.settings.rate + self._lead if self._lead else now
         if start > at:
             self._check_points(points, start, at)
             # it replaces what was to start at or after it
