@@ -135,10 +135,11 @@ class LockStep:
         Time that a tick of the bridge is late, s.
     settings : of the bridge
     controller : of the controller, besides its joints
+    backend : class of the back end
     """
 
     def __init__(self, chain, bridge_hz, controller_hz, goal_rate=None, transport=lambda: 0.001, lateness=lambda: 0.0,
-                 settings=None, controller=None):
+                 settings=None, controller=None, backend=ros2_control_backend.Ros2ControlBackend):
         self.chain, self.goal_rate = chain, goal_rate
         self.now = EPOCH
         self._transport, self._lateness = transport, lateness
@@ -146,9 +147,9 @@ class LockStep:
         self._events, self._count = [], 0
         self.controller = JointTrajectoryController(Parameters(list(chain.names), **(controller or {})))
         with mock.patch.object(ros2_control_backend, 'ActionClient', self._client):
-            self.backend = ros2_control_backend.Ros2ControlBackend(
+            self.backend = backend(
                 _Node(self), chain, 1.0 / bridge_hz, '/controller', goal_rate, 0.2, 10, start_wait=0.0,
-                clock=lambda: (self.now - EPOCH) / SECOND)
+                clock=lambda: self.seconds)
         self.bridge = Bridge(chain, self.backend, BridgeSettings(rate=bridge_hz, **(settings or {})))
         self.position = (chain.array('lower') + chain.array('upper')) / 2
         self.controller.activate(self.position)
@@ -185,7 +186,12 @@ class LockStep:
 
     _running = ()
 
-    def run(self, seconds, motion=None, window_hz=60.0, straight=False, during=None):
+    @property
+    def seconds(self):
+        """The time now, s."""
+        return (self.now - EPOCH) / SECOND
+
+    def run(self, seconds, motion=None, window_hz=60.0, straight=False, first=0.0, during=None):
         """Stream a motion's windows for a while.
 
         Parameters
@@ -193,9 +199,11 @@ class LockStep:
         seconds : float
         motion : Motion, optional
         window_hz : float
-            Windows a second; each 0.4 s long with a point every 1 / 60 s, the first at time 0.
+            Windows a second; each 0.4 s long with a point every 1 / 60 s.
         straight : bool
             To the controller, without the bridge.
+        first : float
+            Time of a window's first point, s.
         during : dict of float to callable, optional
             What else happens, and when, s.
         """
@@ -205,10 +213,10 @@ class LockStep:
             self.at(self.now + round(when * SECOND), call)
         if not straight:
             self._measure()
-            self.bridge.arm((self.now - EPOCH) / SECOND)
+            self.bridge.arm(self.seconds)
             self._every(self._bridge_hz, self._tick, end)
         if motion is not None:
-            ahead = np.arange(25) / 60.0
+            ahead = first + np.arange(25) / 60.0
             self._every(window_hz, lambda: self._window(motion, ahead, straight), end)
         self._every(self._controller_hz, self._update, end)
         while self._events and self._events[0][0] < end:
@@ -228,7 +236,7 @@ class LockStep:
 
     def _tick(self):
         def tick():
-            self.bridge.tick((self.now - EPOCH) / SECOND)
+            self.bridge.tick(self.seconds)
             if self.bridge.reason and (not self.reasons or self.reasons[-1] != self.bridge.reason):
                 self.reasons.append(self.bridge.reason)
         # a late tick makes those after it wait
@@ -236,7 +244,7 @@ class LockStep:
         self.at(self._busy, tick)
 
     def _window(self, motion, ahead, straight):
-        now = (self.now - EPOCH) / SECOND
+        now = self.seconds
         positions, velocities = motion.at(now + ahead)
         stamp = self.now
 
@@ -247,7 +255,7 @@ class LockStep:
             else:
                 with suppress(MotionError):     # the bridge counts it
                     self.bridge.submit(Points(self.chain.names, ahead, positions, velocities), now,
-                                       (self.now - EPOCH) / SECOND, stamp / SECOND)
+                                       self.seconds, stamp / SECOND)
         self._later(arrive)
 
     def _update(self):
@@ -255,7 +263,7 @@ class LockStep:
         if np.all(np.isfinite(command)):
             self.position = command.copy()      # perfect hardware
         self._measure()
-        self.times.append((self.now - EPOCH) / SECOND)
+        self.times.append(self.seconds)
         self.commands.append(self.position)
         for pair in [pair for pair in self._running if pair[0].status != 'executing']:
             self._running.remove(pair)
