@@ -242,7 +242,7 @@ class JointTrajectoryController:
             return self._refuse("Incoming joint doesn't match the controller's joints.")
         if not parameters.allow_nonzero_velocity_at_trajectory_end and np.any(np.abs(points[-1].velocities) > EPSILON):
             return self._refuse('Velocity of last trajectory point is not zero')
-        if any(b.time <= a.time for a, b in zip(points[:-1], points[1:])):
+        if np.any(np.diff([point.time for point in points]) <= 0):
             return self._refuse('Time between points is not strictly increasing')
         count = len(message.names)
         for point in points:

@@ -1,4 +1,4 @@
-"""What a joint_trajectory_controller makes of the bridge's messages, and of windows sent straight to it, in lock step."""
+"""What a joint_trajectory_controller makes of the bridge's messages, and of windows sent to it, in lock step."""
 import numpy as np
 import pytest
 from controller_stand_in import SECOND, JointTrajectoryController, Message, Parameters, Point, Trajectory

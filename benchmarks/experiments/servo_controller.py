@@ -4,8 +4,8 @@
     python3 benchmarks/experiments/servo_controller.py --minutes 10
 
 Bridge, back end and a stand-in of Humble's controller (test/controller_stand_in.py) run in lock step on simulated time.
-A random motion that uses nine tenths of the limits comes in 60 windows a second. Beside the suite's messages stand those
-whose first point lies one period ahead, with a zero stamp, as senders often make them. Writes
+A random motion that uses nine tenths of the limits comes in 60 windows a second. Beside the suite's messages stand
+those whose first point lies one period ahead, with a zero stamp, as senders often make them. Writes
 docs/results/servo/controller.md. Exit status 1 if a goal is missed.
 """
 import argparse
@@ -66,8 +66,8 @@ def row(name, step, motion):
     """A row of a table, and whether all goals are met."""
     found = judge(step, motion, SETTLED)
     good = (found['still'] == 0.0 and found['error'] < 0.01 and found['speed'] <= 1.05 and not step.reasons)
-    return [name, f'{100 * found["still"]:.0f}', f'{found["error"]:.4f}', f'{found["rms"]:.4f}', f'{found["speed"]:.2f}',
-            f'{found["acceleration"]:.2f}', len(step.reasons)], good
+    return [name, f'{100 * found["still"]:.1f}', *(f'{found[key]:.4f}' for key in ('error', 'rms')),
+            *(f'{found[key]:.2f}' for key in ('speed', 'acceleration')), len(step.reasons)], good
 
 
 def main():

@@ -13,7 +13,7 @@ class BackendFault(RuntimeError):
     Attributes
     ----------
     connection_lost : bool
-        Whether the way to the motors itself is gone, so that nothing can be sent any more.
+        Whether the way to the motors is gone, or somebody else has them, so that nothing may be sent any more.
     """
 
     def __init__(self, message, connection_lost=False):

@@ -1,11 +1,14 @@
 """Joints of ros2_control: commands to joint_trajectory_controller, measurements from joint_states.
 
-The controller keeps one message at a time. It samples it at the time of its own update, and a new one takes over at the
-update after it has come. Before the first point of a message it moves there from where it is, and at the first sample it
-is where it was: a message whose first point lies ahead costs an update without motion. So every message here is a
-piece of one timeline that begins a little in the past: the commands of the last moments, those that come next if nothing
-new is heard, and the way to a stand. Two messages differ only where something new was commanded in between, and that is
-``lead`` ahead, when the message has come. A bridge that dies leaves the controller with a stop it already knows.
+The controller keeps one message at a time. It samples it at the time of its own update, and a new one takes over at
+the update after it has come. Before the first point of a message it moves there from where it is, and at the first
+sample it is where it was: a message whose first point lies ahead costs an update without motion. So every message here
+is a piece of one timeline that begins a little in the past: the commands of the last moments, those that come next if
+nothing new is heard, and the way to a stand. Two messages differ only where something new was commanded in between, and
+that is ``lead`` ahead, when the message has come. A bridge that dies leaves the controller with a stop it already knows.
+
+A message that comes after all it says is over is refused by the controller, which stands by then; so no message says
+more than it has to.
 """
 import math
 import time
@@ -30,7 +33,8 @@ __all__ = ['Ros2ControlBackend']
 AHEAD_S = 0.05          # of commands that a message holds beyond the next one: what the bridge may be late
 LOOK_EVERY_S = 0.1      # for the controller
 POLL_S = 0.005
-STANDING_S = 0.01       # between points that fill a message up
+STANDING_S = 0.001      # between points that fill a message up
+REFUSED = 5             # goals in a row, not one that was late on a busy machine
 SMALLEST = 8            # points of a message
 # a goal is replaced before its time where the commands have left it by so much (rad, rad/s)
 LEFT, LEFT_RATE = 1e-4, 0.02
@@ -75,7 +79,7 @@ class Ros2ControlBackend:
         self.notes = []
         self._seen = np.full(len(self._names), -np.inf)
         self._run = 0
-        self._problem = None
+        self._problem, self._refused = None, 0
         self._waiting = True
         self._offset = None
         self._templates = {}
@@ -118,7 +122,7 @@ class Ros2ControlBackend:
     def connect(self):
         """Nothing to open: whether somebody listens is checked when the bridge is activated."""
         self._problem = self._moves = self._sent = None
-        self._run = 0
+        self._run = self._refused = 0
 
     def observe(self):
         """Judge how fresh the joint states are; before the bridge is armed first, wait for them."""
@@ -216,7 +220,7 @@ class Ros2ControlBackend:
             raise BackendFault(f'the controller is gone: {absent}', connection_lost=True)
         conflict = self._conflict()
         if conflict:
-            raise BackendFault(conflict)
+            raise BackendFault(conflict, connection_lost=True)
 
     # --- commands ---------------------------------------------------------------------------------------------------
 
@@ -224,7 +228,8 @@ class Ros2ControlBackend:
         """Send the plan that follows from the command; see Backend.exchange."""
         if self._problem:
             problem, self._problem = self._problem, None
-            raise BackendFault(problem)
+            # the controller holds by itself, or obeys somebody else: what is sent now would move it by a jump
+            raise BackendFault(problem, connection_lost=True)
         self._look()
         if self._publisher is not None:
             self._publisher.publish(self._message(*coming.plan(self._ahead)))
@@ -301,9 +306,13 @@ class Ros2ControlBackend:
         handle = future.result()
         if not handle.accepted:
             self.statistics['goals refused'] += 1
+            self._refused += 1
+            if self._refused < REFUSED:
+                return
             self._problem = (f'{self._controller} refuses goals: is it active, are its joints those of the chain file, '
                              'and do both clocks agree?')
             return
+        self._refused = 0
         handle.get_result_async().add_done_callback(lambda future: self._on_result(number, future))
 
     def _on_result(self, number, future):
