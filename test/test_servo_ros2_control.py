@@ -25,8 +25,8 @@ class Robot:
 
     def __init__(self, folder, interface, **parameters):
         self.rig = ServoRig(str(folder), chain=CHAIN, simulate=False, **{
-            'backend': 'ros2_control', 'interface': interface, 'rate': 100.0, 'state_timeout': 1.0,
-            'following_time': 1.0, 'transport_time': 0.03, 'start_wait': 5.0, **parameters})
+            'backend': 'ros2_control', 'interface': interface, 'rate': 50.0, 'goal_rate': 10.0, 'state_timeout': 1.0,
+            'following_time': 2.0, 'transport_time': 0.03, 'start_wait': 5.0, **parameters})
         self.names, self.controllers = list(self.rig.chain.names), []
 
     def controller(self, position=POSTURE, joints=None, **parameters):

@@ -224,13 +224,8 @@ class Bridge:
         end = now + 2 * self._stopping_time + 0.2
         period = 1.0 / self.settings.rate
         while self._torque and not self._lost and self.moving and clock() < end:
-            self._limiter.brake()
-            self._foresight.note()
             self.ticked += period
-            self.target[:] = self.command
-            if self.trace is not None:
-                self.trace(clock(), self.state, self.target, self.command, self.backend.measurement.position,
-                           self.playing)
+            self._brake(clock() + self._lead)
             self._drive(clock())
             sleep(min(period, max(0.0, self.ticked + period - clock())))
 
@@ -481,8 +476,7 @@ class Bridge:
                     self._limiter.expect(self._playback.sample(max(at, self._begun))[0])
                 self._step(at)
             else:
-                self._limiter.brake()
-                self._foresight.note()
+                self._brake(at)
 
     def _plan(self, ahead):
         """The trajectory of the commands, ``ahead`` s and the way to a stand beyond the last: see Foresight.plan."""
@@ -498,9 +492,16 @@ class Bridge:
             self._limiter.step(position, velocity)
             self.target[:] = position
             self._judge_bands(at)
+            self._noted(now)
         else:
-            self._limiter.brake()
-            self.target[:] = self.command
+            self._brake(now)
+
+    def _brake(self, now):
+        self._limiter.brake()
+        self.target[:] = self.command
+        self._noted(now)
+
+    def _noted(self, now):
         self._foresight.note()
         if self.trace is not None:
             self.trace(now - self._lead, self.state, self.target, self.command, self.backend.measurement.position,

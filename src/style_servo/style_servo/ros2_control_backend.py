@@ -5,9 +5,9 @@ the update after it has come. Before the first point of a message it moves there
 sample it is where it was: a message whose first point lies ahead costs an update without motion. So every message here
 is a piece of one timeline that begins a little in the past: the commands of the last moments, those that come next if
 nothing new is heard, and the way to a stand. Two messages differ only where something new was commanded in between, and
-that is ``lead`` ahead, when the message has come. A bridge that dies leaves the controller with a stop it already knows.
+that is ``lead`` ahead, when the message has come. A bridge that dies leaves the controller with a stop it knows.
 
-A message that comes after all it says is over is refused by the controller, which stands by then; so no message says
+that is ``lead`` ahead, when the message has come. A bridge that dies leaves a stop that the controller knows.
 more than it has to.
 """
 import math
@@ -34,6 +34,7 @@ AHEAD_S = 0.05          # of commands that a message holds beyond the next one: 
 LOOK_EVERY_S = 0.1      # for the controller
 POLL_S = 0.005
 STANDING_S = 0.001      # between points that fill a message up
+STAND_ON_S = 1.0        # a message without motion may come so late
 REFUSED = 5             # goals in a row, not one that was late on a busy machine
 SMALLEST = 8            # points of a message
 # a goal is replaced before its time where the commands have left it by so much (rad, rad/s)
@@ -252,6 +253,8 @@ class Ros2ControlBackend:
 
     def _message(self, times, positions, velocities):
         """A serialised JointTrajectory of points that end at rest."""
+        if not velocities.any():
+            times = np.append(times[:-1], times[-1] + STAND_ON_S)
         count = SMALLEST
         while count < len(times):
             count *= 2
