@@ -7,8 +7,8 @@ is a piece of one timeline that begins a little in the past: the commands of the
 nothing new is heard, and the way to a stand. Two messages differ only where something new was commanded in between, and
 that is ``lead`` ahead, when the message has come. A bridge that dies leaves the controller with a stop it knows.
 
-that is ``lead`` ahead, when the message has come. A bridge that dies leaves a stop that the controller knows.
-more than it has to.
+A message that comes after all it says is over is refused by the controller, which stands elsewhere by then; so none
+says more than it has to.
 """
 import math
 import time
