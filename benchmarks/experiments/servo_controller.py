@@ -121,7 +121,7 @@ def main():
             rows.append(row(f'{name}: {words}', step, motion)[0])
     report.table('late', ['200 / 1000 Hz', *COLUMNS[1:]], rows, 'What comes late')
     rows, long = [], Motion(chain, 60 * arguments.minutes + 1, arguments.seed + 1)
-    for bridge, controller, rate in ((200, 200, None), (100, 200, 20.0)):
+    for bridge, controller, rate in ((100, 100, None), (100, 200, 20.0)):
         step = LockStep(chain, bridge, controller, rate).run(60 * arguments.minutes, long)
         cells, good = row(f'{bridge} / {controller}, {"topic" if rate is None else "action"}', step, long)
         rows.append([*cells, step.goals or step.backend.statistics['goals sent'], step.bridge.counts['rejected']])
