@@ -1,5 +1,7 @@
 """The bridge driving ros2_control over real middleware, against a node that behaves as its controller does."""
+import os
 import signal
+import subprocess
 import threading
 import time
 
@@ -9,7 +11,7 @@ from control_msgs.action import FollowJointTrajectory
 from controller_node import ControllerNode
 from lifecycle_msgs.msg import Transition
 from rclpy.action import ActionClient
-from servo_rig import ServoRig
+from servo_rig import ROOT, ServoRig
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from style_servo.record import read_record, violations
@@ -234,3 +236,19 @@ def test_what_never_comes_is_told_at_the_end_of_the_wait(tmp_path):
         robot.rig.until(lambda: not robot.rig.change(ACTIVATE) and 'is it active?' in robot.rig.log())
     finally:
         robot.close()
+
+
+def test_the_launch_file_drives_the_controller_it_is_given_by_its_action(tmp_path):
+    rig = ServoRig(str(tmp_path), chain=CHAIN, link='none')
+    controller = ControllerNode(rig.context, rig.chain.names, POSTURE, name='arm')
+    launch = subprocess.Popen(
+        ['ros2', 'launch', os.path.join(ROOT, 'launch', 'servo.launch.py'), 'backend:=ros2_control', f'chain:={CHAIN}',
+         'controller:=/arm', 'interface:=action'], start_new_session=True)
+    try:
+        rig.until(lambda: rig.state is State.READY and controller.received, 60)
+        assert controller.controller.goal is not None       # only the action makes goals
+    finally:
+        os.killpg(launch.pid, signal.SIGINT)
+        launch.wait(30)
+        controller.close()
+        rig.close()
