@@ -2,7 +2,16 @@
 import numpy as np
 import pytest
 from controller_stand_in import SECOND, JointTrajectoryController, Message, Parameters, Point, Trajectory
+from harness import ROOT, small_model
 from lock_step import LockStep, Motion, chain_of, judge
+
+from style_core.phase_style import load_behaviours
+from style_core.predictors import read_predictor
+from style_core.synthesis.performer import Performer, window_times
+from style_core.synthesis.retargeting import read_robot
+from style_core.synthesis.sources.phase_style import CycleSource
+from style_core.synthetic import synthetic_people
+from style_predictor.parameters import horizons_of
 
 CHAIN = chain_of()
 SECONDS, SETTLED = 4.0, 1.5
@@ -185,3 +194,62 @@ def test_windows_that_begin_at_time_0_are_followed(controller_hz, motion):
 def test_windows_that_begin_later_would_not_be(motion):
     step = LockStep(CHAIN, 200, 200).run(SECONDS, motion, straight=True, first=1 / 60)
     assert judge(step, motion, 0.1)['still'] > 0.2
+
+
+def driven_by(windows, names, controller_hz, latency=0.004):
+    """Commands of a controller, one row an update, that gets windows ((time, ahead, positions, velocities), ...)."""
+    controller = JointTrajectoryController(Parameters(list(names)))
+    waiting, commands, times = list(windows), [], []
+    begin, position = waiting[0][0] + latency, waiting[0][2][0]
+    controller.activate(position)
+    for k in range(int((waiting[-1][0] - begin) * controller_hz)):
+        now = begin + k / controller_hz
+        while waiting and waiting[0][0] + latency <= now:
+            time, ahead, positions, velocities = waiting.pop(0)
+            assert controller.on_message(Message(round((100 + time) * SECOND), list(names), [
+                Point(round(t * SECOND), p, v) for t, p, v in zip(ahead, positions, velocities)]),
+                round((100 + now) * SECOND))
+        position = controller.update(round((100 + now) * SECOND), position)
+        commands.append(position)
+        times.append(now)
+    return np.array(times), np.array(commands)
+
+
+@pytest.mark.parametrize('controller_hz', CONTROLLERS)
+def test_the_synthesizers_windows_keep_the_controller_moving_within_the_motors_limits(controller_hz):
+    config = ROOT / 'config'
+    robot = read_robot(config / 'robots' / 'humanoid20.yaml')
+    behaviours = load_behaviours(config / 'models' / 'locomotion.npz')
+    performer = Performer(CycleSource(behaviours[0]), robot)
+    ahead, windows = window_times(1 / 60, 0.4), []
+    for k in range(120):
+        windows.append((k / 60, ahead, *performer.window(ahead)))
+        performer.advance(1 / 60)
+    names = performer.joint_names
+    _, commands = driven_by(windows, names, controller_hz)
+    speed = np.abs(np.diff(commands, axis=0)) * controller_hz
+    # a joint that moves before and after an update moves in it
+    moving = np.minimum(speed[:-2], speed[2:]) > 0.3
+    assert moving.any() and not np.any(speed[1:-1][moving] == 0.0)
+    most = np.array([robot.joints[name].velocity for name in names])
+    assert np.all(speed <= 1.05 * most)
+
+
+@pytest.mark.parametrize('controller_hz', CONTROLLERS)
+def test_the_predictors_windows_keep_the_controller_moving(controller_hz):
+    person = synthetic_people(1, seed=5, duration_s=5.0)[0]
+    predictor = read_predictor(small_model()).predictor
+    ahead, windows = horizons_of({'step': 1 / 60, 'horizon': 0.4}), []
+    poses = person.joints(predictor.joint_names).positions
+    for time, pose in zip(person.times, poses):
+        predictor.update(time, pose)
+        found = predictor.predict(ahead)
+        windows.append((time, ahead, found.mean.copy(), found.velocity.copy()))
+    settled = 120
+    times, commands = driven_by(windows[settled:], predictor.joint_names, controller_hz)
+    speed = np.abs(np.diff(commands, axis=0)) * controller_hz
+    moving = np.minimum(speed[:-2], speed[2:]) > 0.5
+    assert moving.any() and not np.any(speed[1:-1][moving] == 0.0)
+    truth = np.stack([np.interp(times, person.times, column) for column in poses.T], axis=1)
+    # the noise of the sensors is 0.01 rad; the command is where the person is now, not one window ago
+    assert np.sqrt(np.mean((commands - truth) ** 2)) < 0.02
