@@ -324,7 +324,7 @@ class TestPredictor(unittest.TestCase):
         self.assertEqual(refused(horizon=0.2, step=0.1), '')
         self.clear()
         self.play(2)
-        self.assertEqual(len(self.heard('trajectory')[-1].points), 2)
+        self.assertEqual(len(self.heard('trajectory')[-1].points), 3)
 
     def test_12_latched_topics_reach_a_late_joiner(self):
         self.probe.listen('/predictor/model', String, LATCHED)
