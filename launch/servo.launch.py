@@ -2,7 +2,7 @@
 
 ros2 launch launch/servo.launch.py sim:=true
 ros2 launch launch/servo.launch.py chain:=my_robot.yaml port:=/dev/ttyUSB0 baud:=1000000
-ros2 launch launch/servo.launch.py backend:=ros2_control chain:=exosuit6_ros2_control.yaml
+ros2 launch launch/servo.launch.py backend:=ros2_control chain:=exosuit6_ros2_control.yaml interface:=action
 """
 import os
 import sys
@@ -24,6 +24,8 @@ ARGUMENTS = {
     'chain': ('humanoid20.yaml', 'chain file: absolute, or the name of one in config/servo'),
     'params': (str(CONFIG / 'servo' / 'bridge.yaml'), 'parameter file of the bridge'),
     'backend': ('dynamixel', 'dynamixel or ros2_control'),
+    'controller': ('', 'name of the joint_trajectory_controller; empty for the one in the parameter file'),
+    'interface': ('', 'how to command it: topic or action; empty for the one in the parameter file'),
     'port': ('/dev/ttyUSB0', 'serial device of the Dynamixel adapter (not used with sim:=true)'),
     'baud': ('1000000', 'bits a second on the Dynamixel bus'),
     'joint_trajectory': ('joint_trajectory', 'topic of the trajectories'),
@@ -43,12 +45,14 @@ def _start(context):
     if argument['sim'].lower() == 'true':
         port = argument['sim_link'] or os.path.join(tempfile.mkdtemp(prefix='dynamixel_'), 'port')
         actions.append(_simulator(argument, port))
+    given = {name: ParameterValue(argument[name], value_type=str) for name in ('controller', 'interface')
+             if argument[name]}
     bridge = lifecycle(LifecycleNode(
         package='style_servo', executable='bridge', name='servo_bridge', namespace=argument['namespace'],
         output='screen', ros_arguments=enclave('servo_bridge'),
         parameters=[argument['params'], {
             'chain': ParameterValue(argument['chain'], value_type=str), 'backend': argument['backend'], 'port': port,
-            'baud': int(argument['baud']), 'record': ParameterValue(argument['record'], value_type=str)}],
+            'baud': int(argument['baud']), 'record': ParameterValue(argument['record'], value_type=str), **given}],
         remappings=[(name, argument[name]) for name in ('joint_trajectory', 'joint_states', 'estop')]),
         argument['autostart'])
     if not actions:

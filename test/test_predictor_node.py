@@ -134,14 +134,14 @@ class TestPredictor(unittest.TestCase):
         trajectory, prediction = self.heard('trajectory')[-1], self.heard('prediction')[-1]
         self.assertEqual(trajectory.joint_names, self.names)
         ahead = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in trajectory.points]
-        np.testing.assert_allclose(ahead, np.arange(1, 25) / 60, atol=1e-8)
+        np.testing.assert_allclose(ahead, np.arange(25) / 60, atol=1e-8)
         mean = np.array([p.positions for p in trajectory.points])
-        self.assertEqual(mean.shape, (24, 50))
+        self.assertEqual(mean.shape, (25, 50))
         np.testing.assert_array_equal(mean, [p.positions for p in prediction.mean.points])
         # velocities are the derivative of positions
         velocity = np.array([p.velocities for p in trajectory.points])
         np.testing.assert_allclose(np.gradient(mean, 1 / 60, axis=0)[1:-1], velocity[1:-1], atol=0.4)
-        std = np.array(prediction.standard_deviation).reshape(24, 50)
+        std = np.array(prediction.standard_deviation).reshape(25, 50)
         self.assertTrue((std > 0).all() and np.isfinite(std).all())
         np.testing.assert_array_equal(self.heard('filled')[-1].position, self.last)
         estimate = self.heard('estimate')[-1]
@@ -324,14 +324,14 @@ class TestPredictor(unittest.TestCase):
         self.assertEqual(refused(horizon=0.2, step=0.1), '')
         self.clear()
         self.play(2)
-        self.assertEqual(len(self.heard('trajectory')[-1].points), 2)
+        self.assertEqual(len(self.heard('trajectory')[-1].points), 3)
 
     def test_12_latched_topics_reach_a_late_joiner(self):
         self.probe.listen('/predictor/model', String, LATCHED)
         self.assertTrue(self.probe.wait(lambda: self.heard('model')))
         description = json.loads(self.heard('model')[-1].data)
         self.assertEqual(description['robot_joints'], self.names)
-        self.assertEqual(description['horizons_s'], [0.1, 0.2])
+        self.assertEqual(description['horizons_s'], [0.0, 0.1, 0.2])
 
     def test_13_silence_is_reported(self):
         self.probe.spin(1.2)

@@ -396,5 +396,5 @@ def test_files_with_holes_are_refused():
 
 
 def test_window_times():
-    np.testing.assert_allclose(window_times(0.02, 0.1), [1e-4, 0.02, 0.04, 0.06, 0.08, 0.1])
-    np.testing.assert_allclose(window_times(0.2, 0.1), [1e-4, 0.2])
+    np.testing.assert_allclose(window_times(0.02, 0.1), [0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
+    np.testing.assert_allclose(window_times(0.2, 0.1), [0.0, 0.2])

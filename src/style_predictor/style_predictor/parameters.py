@@ -22,8 +22,12 @@ def settings_of(values):
 
 
 def horizons_of(values):
-    """Times ahead, s, shape (H,): every ``step`` up to ``horizon``."""
-    return values['step'] * np.arange(1, max(1, round(values['horizon'] / values['step'])) + 1)
+    """Times ahead, s, shape (H,): now, then every ``step`` up to ``horizon``.
+
+    The first point is over when the window arrives: a joint_trajectory_controller stands still for an update at every
+    window that begins later.
+    """
+    return values['step'] * np.arange(max(1, round(values['horizon'] / values['step'])) + 1)
 
 
 def faults_of(values):
@@ -37,7 +41,7 @@ def _predictor_together(values):
     settings_of(values)
     if values['step'] > values['horizon']:
         raise UsageError(f'step ({values["step"]} s) must not exceed horizon ({values["horizon"]} s)')
-    if len(horizons_of(values)) > 1000:
+    if len(horizons_of(values)) > 1001:
         raise UsageError(f'horizon / step must not exceed 1000 points, got {values["horizon"]} s / {values["step"]} s')
 
 

@@ -27,8 +27,8 @@ def test_defaults_are_those_of_the_mathematics():
 
 
 def test_horizons():
-    np.testing.assert_allclose(horizons_of({'horizon': 0.4, 'step': 1 / 60}), np.arange(1, 25) / 60)
-    np.testing.assert_allclose(horizons_of({'horizon': 0.1, 'step': 0.1}), [0.1])
+    np.testing.assert_allclose(horizons_of({'horizon': 0.4, 'step': 1 / 60}), np.arange(25) / 60)
+    np.testing.assert_allclose(horizons_of({'horizon': 0.1, 'step': 0.1}), [0.0, 0.1])
 
 
 @pytest.mark.parametrize('changes, message', [

@@ -1,10 +1,10 @@
 """What the bridge asks of a back end, whatever moves the joints."""
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-__all__ = ['BackendFault', 'Measurement', 'Backend']
+__all__ = ['Backend', 'BackendFault', 'Coming', 'Measurement']
 
 
 class BackendFault(RuntimeError):
@@ -13,7 +13,7 @@ class BackendFault(RuntimeError):
     Attributes
     ----------
     connection_lost : bool
-        Whether the way to the motors itself is gone, so that nothing can be sent any more.
+        Whether the way to the motors is gone, or somebody else has them, so that nothing may be sent any more.
     """
 
     def __init__(self, message, connection_lost=False):
@@ -50,10 +50,27 @@ class Measurement:
         return cls(*np.full((5, n), np.nan))
 
 
+class Coming(NamedTuple):
+    """What comes after a command, for back ends that can send it ahead.
+
+    Attributes
+    ----------
+    time : float
+        Which the command is for, s on the monotonic clock.
+    plan : callable
+        ``plan(ahead)`` gives the trajectory through the last commands, the next ``ahead`` s of them, and on to a stand:
+        times (N,), s on the monotonic clock, positions and velocities (N, D), to be joined by cubics.
+    """
+
+    time: float
+    plan: object
+
+
 class Backend(Protocol):
     """A way to the motors.
 
-    ``statistics`` is a dict of counters for diagnostics, ``notes`` a list of warnings found while connecting.
+    ``statistics`` is a dict of counters for diagnostics, ``notes`` a list of warnings found while connecting. One whose
+    commands need a while to reach the motors has a ``lead``: commands are made so long before their time, s.
     """
 
     measurement: Measurement
@@ -66,11 +83,10 @@ class Backend(Protocol):
     def enable(self):
         """Torque on at the posture the joints are in, without motion; refreshes the measurement."""
 
-    def exchange(self, position, velocity, stop):
+    def exchange(self, position, velocity, coming):
         """Send one command (shape (D,), rad and rad/s) and read the joints back into ``measurement``.
 
-        ``stop()`` tells where and when the joints would stand if they braked from there, for back ends that can send
-        that ahead.
+        ``coming`` is a :class:`Coming`.
 
         A single lost or damaged packet is counted and leaves ``measurement.fresh`` false; what cannot go on raises
         BackendFault.

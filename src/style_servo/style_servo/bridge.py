@@ -9,8 +9,9 @@ import numpy as np
 
 from style_core.errors import MotionError, UsageError
 from style_core.follow.limiter import CLAMP, REJECT, Limiter
+from style_core.follow.plan import Foresight
 from style_core.follow.playback import Playback, make_track
-from style_servo.backend import BackendFault
+from style_servo.backend import BackendFault, Coming
 from style_servo.states import Event, State, StateMachine
 
 __all__ = ['Bridge', 'BridgeSettings', 'Points']
@@ -23,6 +24,7 @@ EARLY = 0.1             # of a period
 REJECT_RUN = 3          # ticks in a row with rejected targets that end a trajectory
 LOOKS = 5               # tries to read the posture when arming
 NOTABLE_LAG = 0.02      # rad
+PLAYING = State.READY, State.RAMPING, State.STREAMING
 POSTURE_TOLERANCE = 0.05        # rad that a posture may lie outside the limits when arming
 
 
@@ -144,6 +146,10 @@ class Bridge:
         self._limiter = Limiter(chain.array('lower'), chain.array('upper'), velocity, acceleration,
                                 chain.array('discontinuity'), 1.0 / settings.rate)
         self._playback = Playback(len(names), velocity, acceleration)
+        # a command is made so long before its time
+        self._lead = getattr(backend, 'lead', 0.0)
+        self._foresight = Foresight(self._limiter, self._playback, self._lead)
+        self._foreseen = 0          # periods that the back end knows already and drives without us
         # what the way to a first point may ask of the joints, from a held posture and while streaming
         self._feasible = {False: (velocity / 1.5, acceleration), True: (2.0 * velocity, np.inf)}
         self._jump = chain.array('discontinuity')
@@ -218,13 +224,10 @@ class Bridge:
         end = now + 2 * self._stopping_time + 0.2
         period = 1.0 / self.settings.rate
         while self._torque and not self._lost and self.moving and clock() < end:
-            self._limiter.brake()
-            self.target[:] = self.command
-            if self.trace is not None:
-                self.trace(clock(), self.state, self.target, self.command, self.backend.measurement.position,
-                           self.playing)
+            self.ticked += period
+            self._brake(clock() + self._lead)
             self._drive(clock())
-            sleep(period)
+            sleep(min(period, max(0.0, self.ticked + period - clock())))
 
     def _take_posture(self, now):
         """Check the posture, torque on, and start everything from it."""
@@ -245,6 +248,8 @@ class Bridge:
         self._torque, self._lost, self._backend_fault = True, False, False
         self._limiter.reset(posture)
         self._playback.hold(posture)
+        self._foresight.begin()
+        self._foreseen = 0
         # a reset keeps in step with whoever calls tick
         period = 1.0 / self.settings.rate
         self.ticked = now if math.isnan(self.ticked) else now - (now - self.ticked) % period
@@ -336,8 +341,10 @@ class Bridge:
             raise _refusal('future', f'it starts {start - now:.3f} s in the future '
                                      f'(at most {self.settings.max_lead:g})')
         points = self._complete(points)
-        if start > now:
-            self._check_points(points, start, now)
+        # what was commanded for the time before stands
+        at = self.ticked + 1.0 / self.settings.rate + self._lead if self._lead else now
+        if start > at:
+            self._check_points(points, start, at)
             # it replaces what was to start at or after it
             while self._pending and self._pending[-1][1] >= start:
                 self._pending.pop()
@@ -346,7 +353,7 @@ class Bridge:
             self._pending.append((points, start, stamp))
             self._accept(now)
             return
-        self._begin(points, start, now, stamp)
+        self._begin(points, start, at, stamp)
         self._accept(now)
 
     def _accept(self, now):
@@ -445,29 +452,60 @@ class Bridge:
         most = max(1, round(CATCH_UP_S / period))
         # what is left of rounding counts for the next call, so that the mean rate is right
         self.ticked += periods * period
-        if periods > most and self.state in (State.RAMPING, State.STREAMING):
-            # time is lost, so the target has moved on: that is no jump of the sender's
-            self._limiter.expect(self._playback.sample(max(now - most * period, self._begun))[0])
-        periods = min(periods, most)
-        for k in range(periods - 1, -1, -1):
-            self._step(now - k * period)
+        if self._lead:
+            self._follow_plan(periods)
+        else:
+            if periods > most and self.state in PLAYING:
+                # time is lost, so the target has moved on: that is no jump of the sender's
+                self._limiter.expect(self._playback.sample(max(now - most * period, self._begun))[0])
+            periods = min(periods, most)
+            for k in range(periods - 1, -1, -1):
+                self._step(now - k * period)
+        self._foreseen = max(0, self._foreseen - periods)
         self._drive(now)
         return periods
+
+    def _follow_plan(self, periods):
+        """Limit the commands of some periods, of which the back end has driven all but the last by the plan it has."""
+        period = 1.0 / self.settings.rate
+        for k in range(1, periods + 1):
+            at = self.ticked + self._lead - (periods - k) * period
+            if k <= self._foreseen or k == periods:
+                if k > self._foreseen + 1 and self.state in PLAYING:
+                    # it has braked meanwhile; the target has moved on, and that is no jump of the sender's
+                    self._limiter.expect(self._playback.sample(max(at, self._begun))[0])
+                self._step(at)
+            else:
+                self._brake(at)
+
+    def _plan(self, ahead):
+        """The trajectory of the commands, ``ahead`` s and the way to a stand beyond the last: see Foresight.plan."""
+        self._foreseen = max(1, math.ceil(ahead * self.settings.rate - 1e-9))
+        return self._foresight.plan(self.ticked + self._lead, self._foreseen, self.state in PLAYING)
 
     def _step(self, now):
         """Limit one period's command."""
         at = max(now, self._begun)      # periods missed before a trajectory took over aim at its beginning
         self._advance(at)
-        if self.state in (State.READY, State.RAMPING, State.STREAMING):
+        if self.state in PLAYING:
             position, velocity = self._playback.sample(at)
             self._limiter.step(position, velocity)
             self.target[:] = position
             self._judge_bands(at)
+            self._noted(now)
         else:
-            self._limiter.brake()
-            self.target[:] = self.command
+            self._brake(now)
+
+    def _brake(self, now):
+        self._limiter.brake()
+        self.target[:] = self.command
+        self._noted(now)
+
+    def _noted(self, now):
+        self._foresight.note()
         if self.trace is not None:
-            self.trace(now, self.state, self.target, self.command, self.backend.measurement.position, self.playing)
+            self.trace(now - self._lead, self.state, self.target, self.command, self.backend.measurement.position,
+                       self.playing)
 
     def _advance(self, now):
         """Everything that time alone brings about."""
@@ -533,7 +571,8 @@ class Bridge:
             return
         try:
             if self._torque:
-                self.backend.exchange(self.command, self.command_velocity, self._limiter.stop)
+                self.backend.exchange(self.command, self.command_velocity,
+                                      Coming(self.ticked + self._lead, self._plan))
             else:
                 self.backend.observe()
         except BackendFault as error:
@@ -547,14 +586,15 @@ class Bridge:
         measurement = self.backend.measurement
         if not (self._torque and measurement.fresh) or self.state is State.FAULT:
             return
-        error = np.abs(self.command - measurement.position)
+        due = self._foresight.due()
+        error = np.abs(due - measurement.position)
         if np.all(error <= self._follow):
             self._following_since = None
         elif self._following_since is None:
             self._following_since = now
         elif now - self._following_since > self.settings.following_time:
             worst = int(np.nanargmax(error / self._follow))
-            self.fault(now, f'joint {self.chain.names[worst]} does not follow: commanded {self.command[worst]:.3f}, '
+            self.fault(now, f'joint {self.chain.names[worst]} does not follow: commanded {due[worst]:.3f}, '
                             f'measured {measurement.position[worst]:.3f} rad (blocked, overloaded, or limits too fast)')
 
 

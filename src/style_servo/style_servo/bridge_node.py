@@ -85,6 +85,7 @@ class BridgeNode(SoundLifecycleNode):
             self.get_logger().warning(note)
         self._make_interfaces(chain)
         self._bridge = bridge
+        self._lead = round(getattr(backend, 'lead', 0.0) * NANOSECONDS)     # a command's time is so far from now
         self._recorder = Recorder(values['record'], chain, period) if values['record'] else None
         if self._recorder is not None:
             bridge.trace = self._recorder.write
@@ -122,7 +123,7 @@ class BridgeNode(SoundLifecycleNode):
             return Ros2ControlBackend(
                 self, chain, period, values['controller'],
                 values['goal_rate'] if values['interface'] == 'action' else None,
-                values['state_timeout'], values['error_run'])
+                values['state_timeout'], values['error_run'], values['transport_time'], values['start_wait'])
         from style_servo.dynamixel_backend import BusSettings, DynamixelBackend
         return DynamixelBackend(chain, BusSettings(
             port=values['port'], baud=values['baud'], fast_read=values['fast_read'],
@@ -299,7 +300,8 @@ class BridgeNode(SoundLifecycleNode):
         # nothing is made that nobody hears
         if self._commanded.get_subscription_count():
             self._commanded.publish(self._command_message.write(
-                {'position': self._bridge.command, 'velocity': self._bridge.command_velocity}, stamp))
+                {'position': self._bridge.command, 'velocity': self._bridge.command_velocity},
+                stamp + self._lead))
         if self._joint_states is not None and measurement.fresh and self._joint_states.get_subscription_count():
             self._joint_states.publish(self._measured_message.write(
                 {'position': measurement.position, 'velocity': measurement.velocity, 'effort': measurement.effort},

@@ -474,7 +474,7 @@ class DynamixelBackend:
         raise BackendFault(f'{servo} lost its torque although nobody switched it off: it has rebooted; look for a dip '
                            'of the supply voltage or a loose cable')
 
-    def exchange(self, position, velocity, stop=None):
+    def exchange(self, position, velocity, coming=None):
         """Send goal positions and read the servos back; see Backend.exchange."""
         self._cycle(self._goals(position))
 

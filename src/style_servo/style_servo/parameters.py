@@ -59,7 +59,12 @@ BRIDGE = ParameterTable((
     Parameter('controller', '/joint_trajectory_controller', 'Name of the joint_trajectory_controller', live=False),
     Parameter('interface', 'topic', 'How to command it', choices=('topic', 'action'), live=False),
     Parameter('goal_rate', 20.0, 'Goals a second where the interface is the action', 'Hz', 1.0, 200.0, live=False),
-    Parameter('state_timeout', 0.2, 'Joint states older than this are as good as none', 's', 0.01, 10.0, live=False),
+    Parameter('state_timeout', 0.2, 'Joint states, and reports of the controller, older than this are as good as none',
+              's', 0.01, 10.0, live=False),
+    Parameter('transport_time', 0.005, 'In this time a command is with the controller; commands are made so much and '
+              'one and a half periods before their time', 's', 0.0, 0.5, live=False),
+    Parameter('start_wait', 3.0, 'When activated, wait this long for the first joint states and for the controller',
+              's', 0.0, 60.0, live=False),
     # the process
     Parameter('realtime_priority', 0, 'Run under the real-time scheduler (SCHED_FIFO) at this priority; 0: no', '', 0,
               99, live=False),

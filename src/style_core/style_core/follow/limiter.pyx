@@ -180,6 +180,40 @@ cdef class Limiter:
         way = n * np.abs(steps) - change * (n * (n + 1) // 2)
         return (np.asarray(self._p) + np.sign(steps) * way) / SCALE, float((n.max() + 1) * self.period)
 
+    def foresee(self, targets, rates, Py_ssize_t least):
+        """The commands that would come next: towards targets, then braking to a stand. Nothing of the limiter changes.
+
+        Parameters
+        ----------
+        targets, rates : ndarray of float64, shape (N, D), contiguous
+            As ``step`` would be given them, rad and rad/s; N may be 0.
+        least : int
+            So many commands at least, of which the last then stand still.
+
+        Returns
+        -------
+        positions : ndarray, shape (K, D)
+            Rad; every joint stands with the last of them.
+        """
+        cdef double[:, ::1] target = targets, rate = rates
+        cdef Py_ssize_t k = 0, n = target.shape[0]
+        if target.shape[1] != self._n or rate.shape[0] != n or rate.shape[1] != self._n:
+            raise UsageError(f'expected {self._n} joints, got {targets.shape} and {rates.shape}')
+        views = [np.asarray(self._p), np.asarray(self._w), np.asarray(self._target), self.position, self.velocity,
+                 self.bands, self.counts]
+        kept = [view.copy() for view in views]
+        found = []
+        while k < max(n, least, 1) or not self.stopped:
+            if k < n:
+                self._advance(&target[k, 0], &rate[k, 0])
+            else:
+                self._advance(NULL, NULL)
+            found.append(self.position.copy())
+            k += 1
+        for view, was in zip(views, kept):
+            view[:] = was
+        return np.array(found)
+
     @property
     def stopped(self):
         """Whether every joint stands still."""

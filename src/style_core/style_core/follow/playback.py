@@ -322,3 +322,10 @@ class Playback:
             fade(self._standing, time - self._ramp_start, self._ramp_end - self._ramp_start,
                  self.position, self.velocity)
         return self.position, self.velocity
+
+    def preview(self, times):
+        """Positions and velocities of the reference at later times (N,), s, if nothing new comes: (N, D) each."""
+        found = np.empty((2, len(times), len(self.position)))
+        for k, time in enumerate(times):
+            found[:, k] = self.sample(time)
+        return found

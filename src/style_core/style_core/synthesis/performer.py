@@ -10,16 +10,14 @@ __all__ = ['Performer', 'window_times']
 _POWERS = np.arange(6)
 _INSTANT = 1e-4
 
-#: what counts as now where a time must be positive, s
-NOW = 1e-4
-
 
 def window_times(step, horizon):
-    """Times ahead of the points of a window, shape (K,), s: practically now, then every ``step`` up to ``horizon``.
+    """Times ahead of the points of a window, shape (K,), s: now, then every ``step`` up to ``horizon``.
 
-    The first point is over when the window arrives, so that a receiver need not invent the way to it.
+    The first point is over when the window arrives. A receiver would else have to invent the way to it, and a
+    joint_trajectory_controller stands still for an update at every window.
     """
-    return np.concatenate([[NOW], step * np.arange(1, max(1, int(np.floor(horizon / step + 1e-9))) + 1)])
+    return step * np.arange(max(1, int(np.floor(horizon / step + 1e-9))) + 1)
 
 
 class Performer:
