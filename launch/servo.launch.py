@@ -29,7 +29,7 @@ ARGUMENTS = {
     'joint_trajectory': ('joint_trajectory', 'topic of the trajectories'),
     'joint_states': ('joint_states', 'topic of the measured joint states'),
     'estop': ('estop', 'topic of the emergency stop (std_msgs/Bool)'),
-    'record': ('', 'file to write every cycle to; empty for none'),
+    'record': ('', 'file to write every cycle to (a run and a part are added to its name); empty for none'),
     'sim_link': ('', 'where the simulated port appears; empty for a temporary folder'),
     'sim_options': ('', 'further options of the simulator, as one word list (see dynamixel_sim --help)'),
     'namespace': ('', 'namespace of the node'),
@@ -48,7 +48,7 @@ def _start(context):
         output='screen', ros_arguments=enclave('servo_bridge'),
         parameters=[argument['params'], {
             'chain': ParameterValue(argument['chain'], value_type=str), 'backend': argument['backend'], 'port': port,
-            'baud': int(argument['baud']), 'record': ParameterValue(argument['record'], value_type=str)}],
+            'baud': int(argument['baud']), 'stop_with_parent': True, **_record(argument['record'])}],
         remappings=[(name, argument[name]) for name in ('joint_trajectory', 'joint_states', 'estop')]),
         argument['autostart'])
     if not actions:
@@ -62,13 +62,19 @@ def _start(context):
     return [RegisterEventHandler(OnProcessIO(target_action=actions[0], on_stdout=on_output)), *actions]
 
 
+def _record(path):
+    """Who starts the bridge says where its record goes; nobody else may write elsewhere."""
+    folder, name = os.path.split(os.path.abspath(path)) if '/' in path else ('', path)
+    return {'record': ParameterValue(name, value_type=str), 'record_folder': ParameterValue(folder, value_type=str)}
+
+
 def _simulator(argument, port):
     from style_servo.chain import load_chain
     chain = load_chain(CONFIG / 'servo' / argument['chain'])
     servos = ','.join(f'{joint.id}:{joint.model}' for joint in chain.joints)
     return ExecuteProcess(
         cmd=[sys.executable, '-m', 'style_servo.dynamixel_sim', '--link', port, '--servos', servos, '--baud',
-             argument['baud'], *argument['sim_options'].split()],
+             argument['baud'], '--stop-with-parent', *argument['sim_options'].split()],
         name='dynamixel_sim', output='screen')
 
 

@@ -57,7 +57,8 @@ class ServoRig:
         self.link, self.record, self.wire = (os.path.join(folder, name) for name in ('port', 'record', 'wire'))
         self.chain_path = os.path.join(ROOT, 'config', 'servo', chain)
         self.chain = load_chain(self.chain_path)
-        self.parameters = {**PATIENT, 'chain': self.chain_path, 'port': self.link, 'record': self.record, **parameters}
+        self.parameters = {**PATIENT, 'chain': self.chain_path, 'port': self.link,
+                           'record_folder': str(folder), 'record': 'record', **parameters}
         self.link = link or self.link
         self._options, self._processes = list(sim_options), []
         self._log = open(os.path.join(folder, 'log'), 'w')      # noqa: SIM115  (open as long as the rig)

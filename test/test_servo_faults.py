@@ -12,6 +12,7 @@ from servo_rig import ServoRig
 from std_msgs.msg import Bool
 
 from style_servo.record import read_record
+from style_servo.recorder import runs_of
 from style_servo.states import EDGES, State
 
 SEEN = set()
@@ -43,8 +44,8 @@ def start(tmp_path):
     yield begin
     for rig in rigs:
         rig.close()
-        if os.path.exists(rig.record) and os.path.getsize(rig.record):
-            states = read_record(rig.record).state
+        for run in runs_of(rig.record):
+            states = read_record(rig.record, run).state
             SEEN.update((State(a), State(b)) for a, b in itertools.pairwise(states) if a != b)
 
 

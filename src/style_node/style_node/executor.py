@@ -39,10 +39,13 @@ class PromptExecutor(SingleThreadedExecutor):
     context : rclpy.Context, optional
     services_wait : bool
         False: everything is always waited for, as an emergency stop may be a service.
+    mishap : callable, optional
+        Takes an exception that a callback raised; without it the exception ends the program.
     """
 
-    def __init__(self, *, context=None, services_wait=True):
+    def __init__(self, *, context=None, services_wait=True, mishap=None):
         super().__init__(context=context)
+        self.mishap = mishap
         self._services_wait = services_wait
         self._changed = True
         self._held = ExitStack()
@@ -78,7 +81,7 @@ class PromptExecutor(SingleThreadedExecutor):
             self._rest()
             return
         if not all(one.callback_group.can_execute(one) for one in self._one_a_group):
-            super().spin_once(timeout_sec)
+            self._guarded(super().spin_once, timeout_sec)
             return
         if not self._flowing:
             longest = LONGEST if timeout_sec is None else min(timeout_sec, LONGEST)
@@ -136,9 +139,24 @@ class PromptExecutor(SingleThreadedExecutor):
                 handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0)
             except (TimeoutException, ShutdownException):
                 return
-            handler()
-            if handler.exception() is not None:
-                raise handler.exception()
+            self._guarded(self._finish, handler)
+
+    @staticmethod
+    def _finish(handler):
+        handler()
+        if handler.exception() is not None:
+            raise handler.exception()
+
+    def _guarded(self, call, argument):
+        """Call, and hand on what a callback raises."""
+        try:
+            call(argument)
+        except (ExternalShutdownException, ShutdownException, TimeoutException):
+            raise
+        except Exception as error:
+            if self.mishap is None or not self._context.ok():
+                raise
+            self.mishap(error)
 
     def _tasks_wait(self):
         """Whether coroutines can go on; earlier releases of Humble ask all that have not ended."""
@@ -179,7 +197,7 @@ class PromptExecutor(SingleThreadedExecutor):
         if not group.beginning_execution(entity):
             return
         try:
-            serve(entity)
+            self._guarded(serve, entity)
         finally:
             group.ending_execution(entity)
 
@@ -222,6 +240,8 @@ def run(make_node, name, until=None, args=None, switch_interval=0.0005, services
     switch_interval : float
         After this long (s) a thread that computes lets another one in: a model loading in its thread must not hold up
         messages.
+
+    A node with a method ``mishap`` is not ended by what its callbacks raise: the method takes the exception.
     """
     node = None
 
@@ -237,6 +257,7 @@ def run(make_node, name, until=None, args=None, switch_interval=0.0005, services
     executor = PromptExecutor(services_wait=services_wait)
     try:
         node = make_node()
+        executor.mishap = getattr(node, 'mishap', None)
         executor.add_node(node)
         gc.collect()
         gc.freeze()  # what is there now stays; the collector need not look at it again

@@ -3,7 +3,6 @@ import logging
 import math
 import time
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,8 @@ from style_core.errors import MotionError, UsageError
 from style_core.follow.limiter import CLAMP, REJECT, Limiter
 from style_core.follow.playback import Playback, make_track
 from style_servo.backend import BackendFault
+from style_servo.bridge_settings import BridgeSettings, Points
+from style_servo.holding import Holding
 from style_servo.states import Event, State, StateMachine
 
 __all__ = ['Bridge', 'BridgeSettings', 'Points']
@@ -24,82 +25,6 @@ REJECT_RUN = 3          # ticks in a row with rejected targets that end a trajec
 LOOKS = 5               # tries to read the posture when arming
 NOTABLE_LAG = 0.02      # rad
 POSTURE_TOLERANCE = 0.05        # rad that a posture may lie outside the limits when arming
-
-
-@dataclass(frozen=True)
-class BridgeSettings:
-    """How the bridge behaves.
-
-    Attributes
-    ----------
-    rate : float
-        Commands a second.
-    input_timeout : float
-        A trajectory that ends moving is one window of a stream: without the next one for this long the input is
-        stale, s; 0 waits until the window has run out. A trajectory that ends at rest is complete and plays to its
-        end.
-    blend : float
-        A new trajectory takes over from the playing one within this time, s.
-    ramp_speed : float
-        Fraction of the joint limits used when ramping in from a held posture.
-    ramp_time : float
-        Shortest ramp, s, unless the joints stand where the trajectory begins.
-    coast : float
-        A trajectory that ends moving comes to rest in this time, s.
-    max_lead : float
-        A trajectory may start at most this far in the future, s.
-    hold_timeout : float
-        Hold this long on stale input before the hold policy, s.
-    hold_policy : str
-        'hold' for ever, 'relax' (torque off) or 'fault'.
-    latch_hold : bool
-        Stale input asks for a reset before trajectories are taken again.
-    estop_action, fault_action : str
-        'brake' (stop within the limits and hold with torque) or 'torque_off'.
-    following_time : float
-        A following error may last this long, s.
-    saturation_time : float
-        A trajectory may ask for more than the limits allow; the commands follow as fast as they may. This long a joint
-        may stay behind by more than its ``discontinuity``, s.
-    partial_joints : bool
-        Take trajectories for some of the joints; the others hold.
-    """
-
-    rate: float = 200.0
-    input_timeout: float = 0.3
-    blend: float = 0.06
-    ramp_speed: float = 0.3
-    ramp_time: float = 0.3
-    coast: float = 0.1
-    max_lead: float = 2.0
-    hold_timeout: float = 5.0
-    hold_policy: str = 'hold'
-    latch_hold: bool = False
-    estop_action: str = 'brake'
-    fault_action: str = 'brake'
-    following_time: float = 0.25
-    saturation_time: float = 1.0
-    partial_joints: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Points:
-    """The points of one trajectory as arrays.
-
-    Attributes
-    ----------
-    joint_names : sequence of str
-    times : ndarray, shape (K,)
-        From the start, s.
-    positions : ndarray, shape (K, J)
-    velocities, accelerations : ndarray, shape (K, J), or None
-    """
-
-    joint_names: tuple
-    times: np.ndarray
-    positions: np.ndarray
-    velocities: object = None
-    accelerations: object = None
 
 
 class Bridge:
@@ -132,8 +57,11 @@ class Bridge:
         Time that the commands have come to, s: a whole number of periods after the bridge was armed first.
     trace : callable, optional
         Called for every period's command with time, state, target, command, measured position and ``playing``.
+    pressed : callable
+        Takes the time; returns why the emergency stop counts as pressed, '' if it does not. Asked before every command:
+        while it is pressed nothing arms, resets or moves, whatever happens in which order.
     counts : dict
-        Trajectories accepted and rejected (by reason), joint commands clamped and rejected, following errors.
+        Trajectories accepted and rejected (by reason), joint commands clamped and rejected, errors of the program.
     """
 
     def __init__(self, chain, backend, settings):
@@ -150,6 +78,8 @@ class Bridge:
         self._lower, self._upper = chain.array('lower'), chain.array('upper')
         self._follow = chain.array('following_error')
         self._stopping_time = float(np.max(velocity / acceleration))
+        self._holding = Holding(np.minimum(self._follow, settings.hold_error), settings.following_time)
+        self._still = np.zeros(len(names))
         self.machine = StateMachine()
         self.reason = ''
         self.command, self.command_velocity = self._limiter.position, self._limiter.velocity
@@ -158,9 +88,9 @@ class Bridge:
         self.lag = np.zeros(len(names))
         self._behind = np.zeros(len(names), dtype=int)      # periods that a joint has lagged too far
         self._worst_lag = np.zeros(len(names))
-        self.counts = {'accepted': 0, 'rejected': 0, 'clamped': 0, 'limiter rejections': 0}
+        self.counts = {'accepted': 0, 'rejected': 0, 'clamped': 0, 'limiter rejections': 0, 'internal errors': 0}
         self.rejections = {}
-        self.estop_held = False
+        self.pressed = lambda now: ''
         self.trace = None
         self.playing = math.nan
         self.ticked = math.nan
@@ -198,13 +128,23 @@ class Bridge:
 
     def arm(self, now):
         """Torque on at the measured posture. Raises UsageError or BackendFault; then the bridge stays disarmed."""
-        if self.estop_held:
-            raise UsageError('the emergency stop is still pressed')
+        self._refuse_if_pressed(now)
         if not self.machine.allows(Event.ARM):
             raise UsageError(f'cannot arm while {self.state.name}')
         self._take_posture(now)
+        try:
+            self._refuse_if_pressed(now)    # meanwhile
+        except UsageError:
+            self._torque_off()
+            raise
         self.machine.happen(Event.ARM)
         self._enter(now, '')
+        self._trace(now)
+
+    def _refuse_if_pressed(self, now):
+        reason = self.pressed(now)
+        if reason:
+            raise UsageError(f'the emergency stop is still pressed ({reason})')
 
     def disarm(self, now):
         """Torque off; brake first with :meth:`stop`."""
@@ -212,17 +152,21 @@ class Bridge:
         self._torque = False
         self.machine.happen(Event.DISARM)
         self._enter(now, '')
+        self._trace(now)
 
     def stop(self, now, clock=time.monotonic, sleep=time.sleep):
         """Brake to a stand, running its own ticks; used when a node is deactivated or the program ends."""
         end = now + 2 * self._stopping_time + 0.2
         period = 1.0 / self.settings.rate
         while self._torque and not self._lost and self.moving and clock() < end:
+            reason = self.pressed(clock())
+            if reason:
+                self.estop(clock(), reason)     # which may mean torque off at once
+            if not self._torque:
+                break
             self._limiter.brake()
             self.target[:] = self.command
-            if self.trace is not None:
-                self.trace(clock(), self.state, self.target, self.command, self.backend.measurement.position,
-                           self.playing)
+            self._trace(clock())
             self._drive(clock())
             sleep(period)
 
@@ -279,8 +223,7 @@ class Bridge:
         """
         if not self.machine.allows(Event.RESET):
             raise UsageError(f'nothing to reset while {self.state.name}')
-        if self.estop_held:
-            raise UsageError('the emergency stop is still pressed')
+        self._refuse_if_pressed(now)
         if self.moving and self._torque and not self._lost:
             raise UsageError('the joints still brake: try again when they stand')
         try:
@@ -293,6 +236,7 @@ class Bridge:
             raise
         self.machine.happen(Event.RESET)
         self._enter(now, '')
+        self._trace(now)
 
     def _torque_off(self):
         self._torque = False
@@ -302,6 +246,7 @@ class Bridge:
         self._since = now
         self.reason = reason
         self._pending.clear()
+        self._holding.start()
         self._reject_run, self._behind[:] = 0, 0
 
     # --- trajectories -------------------------------------------------------------------------------------------
@@ -449,10 +394,37 @@ class Bridge:
             # time is lost, so the target has moved on: that is no jump of the sender's
             self._limiter.expect(self._playback.sample(max(now - most * period, self._begun))[0])
         periods = min(periods, most)
+        reason = self.pressed(now)
+        if reason:
+            self.estop(now, reason)
         for k in range(periods - 1, -1, -1):
-            self._step(now - k * period)
+            self._step_soundly(now - k * period)
         self._drive(now)
         return periods
+
+    def _step_soundly(self, now):
+        """Whatever goes wrong in choosing a reference is a fault, in which the joints brake."""
+        steps = self._limiter.counts.sum()
+        try:
+            self._step(now)
+        except Exception as error:
+            self.counts['internal errors'] += 1
+            log.exception('error of the program')
+            self.fault(now, f'error of the program: {error!r}')
+            if self._limiter.counts.sum() == steps:
+                self._limiter.brake()
+            self.target[:] = self.command
+        self._trace(now)
+
+    def _trace(self, now):
+        if self.trace is None:
+            return
+        try:
+            self.trace(now, self.state, self.target, self.command, self.backend.measurement.position, self.playing)
+        except Exception:       # who looks on may not keep a command from being sent
+            self.trace = None
+            self.counts['internal errors'] += 1
+            log.exception('error of the program: nobody looks on any more')
 
     def _step(self, now):
         """Limit one period's command."""
@@ -464,10 +436,21 @@ class Bridge:
             self.target[:] = position
             self._judge_bands(at)
         else:
+            self._hold(now)
+
+    def _hold(self, now):
+        """Brake; then stand, and give way where a joint is held away from its command."""
+        measurement = self.backend.measurement
+        posture = None
+        if self._torque and measurement.fresh:
+            posture = self._holding.reference(now, self.command, not self.moving, measurement.position)
+        if posture is None:
             self._limiter.brake()
             self.target[:] = self.command
-        if self.trace is not None:
-            self.trace(now, self.state, self.target, self.command, self.backend.measurement.position, self.playing)
+            return
+        self._limiter.expect(posture)
+        self._limiter.step(posture, self._still)
+        self.target[:] = posture
 
     def _advance(self, now):
         """Everything that time alone brings about."""
@@ -541,6 +524,13 @@ class Bridge:
             self._backend_fault = True
             self.fault(now, str(error))
             return
+        except Exception as error:      # it is tried again in the next cycle; a reset checks everything anew
+            self.counts['internal errors'] += 1
+            if self.state is not State.FAULT:
+                log.exception('error of the program')
+            self._backend_fault = True
+            self.fault(now, f'error of the program in the back end: {error!r}')
+            return
         self._watch_following(now)
 
     def _watch_following(self, now):
@@ -556,6 +546,7 @@ class Bridge:
             worst = int(np.nanargmax(error / self._follow))
             self.fault(now, f'joint {self.chain.names[worst]} does not follow: commanded {self.command[worst]:.3f}, '
                             f'measured {measurement.position[worst]:.3f} rad (blocked, overloaded, or limits too fast)')
+            self._holding.start(error > self._follow)
 
 
 def _refusal(kind, message):

@@ -269,10 +269,10 @@ def test_an_emergency_stop_acts_in_the_next_cycle_and_latches(action, torque):
     rig.run(0.5)
     with pytest.raises(MotionError, match='ESTOP'):
         rig.wave()
-    rig.bridge.estop_held = True
+    rig.bridge.pressed = lambda now: 'by hand'
     with pytest.raises(UsageError, match='still pressed'):
         rig.bridge.reset(rig.now)
-    rig.bridge.estop_held = False
+    rig.bridge.pressed = lambda now: ''
     rig.motors.sent.clear()     # with torque off nothing was sent; it starts anew where the joints are
     rig.bridge.reset(rig.now)
     rig.stream(2.0)
@@ -345,7 +345,7 @@ def test_arming_refuses_an_impossible_posture_and_an_unknown_one():
     with pytest.raises(UsageError, match='not known'):
         rig.bridge.arm(rig.now)
     rig.motors.answers = True
-    rig.bridge.estop_held = True
+    rig.bridge.pressed = lambda now: 'by hand'
     with pytest.raises(UsageError, match='still pressed'):
         rig.bridge.arm(rig.now)
 
