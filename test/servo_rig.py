@@ -1,6 +1,7 @@
 """A simulated chain and the bridge as processes of their own, and a node that talks to the bridge."""
 import array
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -54,6 +55,7 @@ class ServoRig:
 
     def __init__(self, folder, chain='exosuit6.yaml', simulate=True, sim_options=(), listen=True, link=None,
                  **parameters):
+        self.folder = Path(folder)
         self.link, self.record, self.wire = (os.path.join(folder, name) for name in ('port', 'record', 'wire'))
         self.chain_path = os.path.join(ROOT, 'config', 'servo', chain)
         self.chain = load_chain(self.chain_path)
@@ -90,14 +92,15 @@ class ServoRig:
         self._processes.append(process)
         return process
 
-    def start_bridge(self, **parameters):
-        """Start the bridge's process (unconfigured)."""
+    def start_bridge(self, limit=None, **parameters):
+        """Start the bridge's process (unconfigured); ``limit``: size that no file may outgrow, bytes."""
         arguments = []
         for name, value in {**self.parameters, **parameters}.items():
             text = str(value).lower() if isinstance(value, bool) else str(value) or "''"
             arguments += ['-p', f'{name}:={text}']
         process = subprocess.Popen([sys.executable, '-m', 'style_servo.bridge_node', '--ros-args', *arguments],
-                                   stderr=self._log)
+                                   stderr=self._log, preexec_fn=limit and (lambda: resource.setrlimit(
+                                       resource.RLIMIT_FSIZE, (limit, limit))))
         self._processes.append(process)
         return process
 

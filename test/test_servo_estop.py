@@ -1,0 +1,301 @@
+"""The emergency stop over real middleware: a state, whoever said it, when, and with whatever quality of service."""
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from lifecycle_msgs.msg import Transition
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from servo_rig import ServoRig
+from std_msgs.msg import Bool
+
+from style_servo.record import read_record, violations
+from style_servo.states import State
+
+CONFIGURE, ACTIVATE, DEACTIVATE, CLEANUP = (
+    getattr(Transition, f'TRANSITION_{name}') for name in ('CONFIGURE', 'ACTIVATE', 'DEACTIVATE', 'CLEANUP'))
+OFFERS = {'latched': (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL),
+          'volatile': (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE),
+          'best_effort': (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
+          'best_effort_latched': (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.TRANSIENT_LOCAL)}
+
+
+class Button:
+    """A publisher of the emergency stop; the only one."""
+
+    def __init__(self, rig, offer, topic='/estop'):
+        reliability, durability = OFFERS[offer]
+        self._rig = rig
+        self._publisher = rig.node.create_publisher(
+            Bool, topic, QoSProfile(depth=1, reliability=reliability, durability=durability))
+
+    def heard(self):
+        """Wait until a bridge listens."""
+        self._rig.until(lambda: self._publisher.get_subscription_count() > 0)
+        return self
+
+    def say(self, pressed):
+        self._publisher.publish(Bool(data=pressed))
+
+    def go(self):
+        self._rig.node.destroy_publisher(self._publisher)
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Start a rig, with a bridge or without; nobody publishes on the topic of its emergency stop yet."""
+    rigs = []
+
+    def begin(bridge=True, **parameters):
+        rig = ServoRig(str(tmp_path), **parameters)
+        rigs.append(rig)
+        rig.node.destroy_publisher(rig.estop)
+        if not bridge:
+            rig.bridge.kill()
+            rig.bridge.wait()
+        return rig
+    yield begin
+    for rig in rigs:
+        rig.close()
+
+
+def torque(rig):
+    return any(servo['torque'] for servo in rig.tell('state')['servos'])
+
+
+def configure(rig):
+    assert any(rig.change(CONFIGURE) for _ in range(4)), rig.log()
+
+
+def is_refused(rig, words):
+    """Activation fails, says why, and torque never was on."""
+    said = rig.log().count(words)
+    assert not rig.change(ACTIVATE)
+    rig.until(lambda: rig.log().count(words) > said)
+    assert not torque(rig)
+
+
+def arms(rig):
+    assert any(rig.change(ACTIVATE) for _ in range(3)), rig.log()
+    rig.wait_for(State.READY)
+    assert torque(rig)
+
+
+def test_a_latched_press_from_before_the_bridge_started_keeps_it_from_arming(start):
+    rig = start(bridge=False)
+    button = Button(rig, 'latched')
+    button.say(True)
+    rig.bridge = rig.start_bridge()
+    configure(rig)
+    is_refused(rig, 'pressed on /estop')
+    button.say(False)
+    arms(rig)
+
+
+@pytest.mark.parametrize('offer', OFFERS)
+def test_every_quality_of_service_is_heard_and_a_press_outlives_its_publisher(start, offer):
+    rig = start()
+    rig.up()
+    button = Button(rig, offer).heard()
+    rig.until(lambda: rig.state is State.ESTOP, doing=lambda: button.say(True))
+    answer = rig.trigger('reset')
+    assert not answer.success and 'still pressed' in answer.message
+    button.go()
+    assert rig.change(DEACTIVATE) and not torque(rig)
+    is_refused(rig, 'pressed on /estop')
+    assert rig.change(CLEANUP)
+    configure(rig)
+    is_refused(rig, 'pressed on /estop')
+    if offer == 'latched':      # by the operator, where its publisher never comes back
+        assert rig.trigger('release_estop').success
+    else:                       # by a publisher that has come back
+        button = Button(rig, offer).heard()
+        rig.until(lambda: 'its publisher is there' in rig.trigger('release_estop').message)
+        button.say(True)
+        rig.spin(0.2)
+        is_refused(rig, 'pressed on /estop')
+        for _ in range(5):      # best effort
+            button.say(False)
+            rig.spin(0.1)
+    arms(rig)
+
+
+def test_one_of_two_publishers_does_not_release_what_the_other_one_pressed(start):
+    rig = start()
+    rig.up()
+    one, two = Button(rig, 'latched').heard(), Button(rig, 'volatile').heard()
+    rig.until(lambda: rig.node.count_publishers('/estop') == 2)
+    two.say(False)
+    one.say(True)
+    rig.wait_for(State.ESTOP)
+    for _ in range(20):
+        two.say(False)
+        rig.spin(0.02)
+    assert rig.states[-1].estop_held and 'only ~/release_estop' in rig.trigger('reset').message
+    assert rig.trigger('release_estop').success
+    assert rig.trigger('reset').success
+    rig.stream_until(State.STREAMING)
+    # what is sent while stopped is refused and counted, and does not move anything when the stop is over
+    one.say(True)
+    rig.wait_for(State.ESTOP)
+    rejected = rig.states[-1].rejected
+    rig.stream(0.3)
+    rig.until(lambda: rig.states[-1].rejected > rejected)
+    assert rig.state is State.ESTOP
+    one.go()
+    two.go()
+    assert rig.trigger('release_estop').success
+    assert rig.trigger('reset').success
+    rig.wait_for(State.READY)
+    at = list(rig.states[-1].commanded)
+    rig.spin(0.5)
+    assert list(rig.states[-1].commanded) == at and rig.state is State.READY
+
+
+def test_unknown_counts_as_pressed_where_it_is_required_and_silence_is_a_stop(start):
+    rig = start(estop_heartbeat=1.0)
+    configure(rig)
+    is_refused(rig, 'nothing was heard on /estop')
+    button = Button(rig, 'best_effort').heard()
+    timer = rig.node.create_timer(0.05, lambda: button.say(False))
+    rig.spin(0.3)
+    arms(rig)
+    rig.stream_until(State.STREAMING)
+    timer.cancel()
+    rig.wait_for(State.ESTOP)
+    assert 'silent for more than 1 s' in rig.reason
+    assert 'silent' in rig.trigger('reset').message
+    timer.reset()
+    rig.until(lambda: not rig.states[-1].estop_held)
+    assert rig.trigger('reset').success
+    rig.wait_for(State.READY)
+
+
+def test_a_stop_by_service_outlives_deactivation_and_clean_up_until_a_reset(start):
+    rig = start()
+    rig.up()
+    rig.stream_until(State.STREAMING)
+    assert rig.trigger('estop').success
+    rig.wait_for(State.ESTOP)
+    assert rig.change(DEACTIVATE)
+    is_refused(rig, 'emergency stop by service')
+    assert rig.change(CLEANUP)
+    configure(rig)
+    is_refused(rig, 'emergency stop by service')
+    assert not rig.change(CONFIGURE)        # twice
+    assert rig.trigger('reset').success
+    arms(rig)
+    assert not rig.change(ACTIVATE) and torque(rig)
+    assert rig.trigger('estop').success
+    rig.wait_for(State.ESTOP)
+    assert rig.trigger('reset').success
+    rig.wait_for(State.READY)
+
+
+def test_a_peer_can_neither_weaken_the_stop_nor_write_files_nor_end_the_bridge(start, tmp_path):
+    rig = start(estop_required=True)
+    precious = tmp_path.parent / f'{tmp_path.name}_precious'
+    precious.write_text('mine')
+    (tmp_path / 'link').symlink_to(tmp_path.parent)
+
+    def set_parameters(*parameters):
+        results = rig.call(SetParameters, '/servo_bridge/set_parameters',
+                           SetParameters.Request(parameters=list(parameters))).results
+        return results[0].successful, results[0].reason
+
+    def set_one(name, value):
+        return set_parameters(Parameter(name, value=value).to_parameter_msg())
+    for name, value in (('estop_required', False), ('estop_topics', ['other']), ('estop_heartbeat', 5.0),
+                        ('record_folder', '/'), ('stop_with_parent', True)):
+        successful, reason = set_one(name, value)
+        assert not successful and 'cannot change while the node runs' in reason
+    for name in (str(precious), f'../{precious.name}', f'link/{precious.name}'):
+        assert set_one('record', name)[0]
+        assert not rig.change(CONFIGURE)
+        rig.until(lambda name=name: name in rig.log())
+    assert precious.read_text() == 'mine' and len(list(tmp_path.parent.glob(f'{precious.name}*'))) == 1
+    assert set_one('record', 'record')[0]
+    # a type that does not exist makes rclpy raise in its own callback, which is not answered
+    client = rig.node.create_client(SetParameters, '/servo_bridge/set_parameters')
+    assert client.wait_for_service(30.0)
+    client.call_async(SetParameters.Request(parameters=[
+        ParameterMessage(name='rate', value=ParameterValue(type=99))]))
+    rig.until(lambda: 'Traceback' in rig.log())
+    configure(rig)
+    is_refused(rig, 'nothing was heard on /estop')
+    button = Button(rig, 'latched').heard()
+    button.say(False)
+    arms(rig)
+    for name, value in (('record', 'other'), ('estop_action', 'torque_off'), ('hold_error', 3.0)):
+        assert 'cannot change while the node is configured' in set_one(name, value)[1]
+    client.call_async(SetParameters.Request(parameters=[
+        ParameterMessage(name='rate', value=ParameterValue(type=99))]))
+    rig.stream_until(State.STREAMING)
+    rig.until(lambda: any(one.key == 'errors of the program' and int(one.value) >= 1
+                          for message in rig.diagnostics for one in message.status[0].values), 10, rig.send_legal)
+    rig.stream_until(State.STREAMING)
+    assert rig.bridge.poll() is None
+
+
+def test_a_full_disk_ends_the_record_and_the_robot_drives_on(start, tmp_path):
+    """A disk of 64 kB where it may be mounted, else a limit of the kernel on the size of files."""
+    small = tmp_path / 'small'
+    small.mkdir()
+    mounted = not subprocess.run(['mount', '-t', 'tmpfs', '-o', 'size=64k', 'tmpfs', str(small)],
+                                 stderr=subprocess.DEVNULL, check=False).returncode
+    try:
+        rig = start(bridge=False, record_folder=str(small))
+        rig.bridge = rig.start_bridge(limit=None if mounted else 1 << 16)
+        rig.up()
+        problem = 'No space left' if mounted else 'File too large'
+        rig.until(lambda: 'the flight record has ended' in rig.log(), 30, rig.send_legal)
+        rig.stream_until(State.STREAMING)
+        rig.stream(1.5)
+        assert rig.state is State.STREAMING and torque(rig)
+        rig.until(lambda: problem in rig.diagnostics[-1].status[0].message, 10, rig.send_legal)
+        assert rig.log().count('the flight record has ended') == 1
+        rig.close()
+        counts = violations(read_record(small / 'record'))
+        assert counts.pop('commands') > 100 and not any(counts.values())
+    finally:
+        if mounted:
+            subprocess.run(['umount', '-l', str(small)], check=True)
+
+
+def test_a_bridge_whose_launcher_has_gone_brakes_and_switches_torque_off(start):
+    rig = start(bridge=False, stop_with_parent=True)
+    launcher = subprocess.Popen(
+        [sys.executable, '-c', 'import subprocess, sys; child = subprocess.Popen(sys.argv[1:]); '
+         'print(child.pid, flush=True); child.wait()', *rig.bridge.args],
+        stdout=subprocess.PIPE, stderr=open(rig.folder / 'launched', 'w'), text=True)       # noqa: SIM115
+    bridge = int(launcher.stdout.readline())
+    try:
+        rig.up()
+        rig.stream_until(State.STREAMING)
+        rig.stream(0.3)
+        launcher.send_signal(signal.SIGKILL)
+        launcher.wait()
+        rig.until(lambda: not os.path.exists(f'/proc/{bridge}') or zombie(bridge))
+        assert not torque(rig)
+        assert 'the program that started this bridge has ended' in (rig.folder / 'launched').read_text()
+        record = read_record(rig.record)
+        assert not any(count for name, count in violations(record).items() if name != 'commands')
+        assert record.state[-1] == State.DISARMED
+    finally:
+        launcher.stdout.close()
+        if os.path.exists(f'/proc/{bridge}') and not zombie(bridge):
+            os.kill(bridge, signal.SIGKILL)
+
+
+def zombie(pid):
+    """Whether a process has ended and only its entry is left."""
+    try:
+        with open(f'/proc/{pid}/stat') as file:
+            return file.read().rpartition(')')[2].split()[0] == 'Z'
+    except OSError:
+        return True
