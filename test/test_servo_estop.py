@@ -3,17 +3,26 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
+import numpy as np
 import pytest
+import rclpy
 from lifecycle_msgs.msg import Transition
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
 from servo_rig import ServoRig
 from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
 
+from style_node.executor import PromptExecutor
+from style_servo.bridge import Points
+from style_servo.bridge_node import BridgeNode
 from style_servo.record import read_record, violations
 from style_servo.states import State
 
@@ -290,6 +299,120 @@ def test_a_bridge_whose_launcher_has_gone_brakes_and_switches_torque_off(start):
         launcher.stdout.close()
         if os.path.exists(f'/proc/{bridge}') and not zombie(bridge):
             os.kill(bridge, signal.SIGKILL)
+
+
+# --- the node in this process, so that its two threads can be led into a race ------------------------------------
+
+
+@pytest.fixture
+def node(start, tmp_path):
+    """A configured node with a simulated chain, its executor, and a latched button; `rig` is the rig."""
+    rig = start(bridge=False)
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    values = {**rig.parameters, 'record': ''}
+    node = BridgeNode(context=context, parameter_overrides=[Parameter(name, value=value)
+                                                            for name, value in values.items()])
+    node.rig, node.button = rig, Button(rig, 'latched')
+    node.button.say(False)
+    executor = PromptExecutor(context=context, services_wait=False, mishap=node.mishap)
+    executor.add_node(node)
+
+    def spin_until(condition, seconds=20.0):
+        end = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < end, node._bridge.reason
+            executor.spin_once(timeout_sec=0.01)
+            rig.executor.spin_once(timeout_sec=0.0)
+    node.spin_until = spin_until
+    assert node.trigger_configure() is TransitionCallbackReturn.SUCCESS
+    yield node
+    node.release()
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def pressing_when(node, name):
+    """Have the button pressed in the middle of a method of the back end."""
+    backend, was = node._bridge.backend, getattr(node._bridge.backend, name)
+
+    def press():
+        setattr(backend, name, was)
+        node.button.say(True)
+        node.rig.until(lambda: node.rig.node.count_subscribers('/estop') > 0)
+        time.sleep(0.2)     # until it has arrived
+        return was()
+    setattr(backend, name, press)
+
+
+@pytest.mark.parametrize('moment', ['observe', 'enable'])
+def test_a_press_while_the_node_arms_leaves_torque_off(node, moment):
+    pressing_when(node, moment)
+    assert node.trigger_activate() is TransitionCallbackReturn.FAILURE
+    assert not torque(node.rig) and node._bridge.state is State.DISARMED
+    node.button.say(False)
+    time.sleep(0.2)
+    assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
+    assert torque(node.rig)
+
+
+@pytest.mark.parametrize('moment', ['observe', 'enable'])
+def test_a_press_while_the_node_resets_stops_it_before_it_moves(node, moment):
+    assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
+    node.spin_until(lambda: node._bridge.state is State.READY)
+    node._on_estop()
+    node.spin_until(lambda: node._bridge.state is State.ESTOP)
+    held = node._bridge.command.copy()
+    node._loop.ask(lambda: pressing_when(node, moment))
+    response = node._answer(node._on_reset, None, Trigger.Response())
+    assert response.success is (moment == 'enable') and 'Traceback' not in response.message
+    node.rig.send_legal()
+    for _ in range(20):
+        node.spin_until(lambda: True)
+        time.sleep(0.01)
+    assert node._bridge.state is State.ESTOP and not node._bridge.moving
+    assert abs(node._bridge.command - held).max() < 0.01
+    response = node._answer(node._on_reset, None, Trigger.Response())
+    assert not response.success and 'still pressed' in response.message
+
+
+def test_a_node_that_no_longer_listens_stops(node):
+    """The executor's thread hangs; a long trajectory would play to its end with nobody to hear an emergency stop."""
+    assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
+    node.spin_until(lambda: node._bridge.state is State.READY)
+    middle = (node.rig.chain.array('lower') + node.rig.chain.array('upper')) / 2
+    bridge = node._bridge
+    node._loop.ask(lambda: bridge.submit(Points(bridge.chain.names, np.array([60.0]), middle[None]),
+                                         time.monotonic(), time.monotonic()))
+    assert bridge.state in (State.RAMPING, State.STREAMING)
+    end = time.monotonic() + 20
+    while bridge.state is not State.ESTOP:      # nobody spins
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    assert 'heard nothing for 2 s' in bridge.reason
+    node.spin_until(lambda: not node._pressed(time.monotonic()))
+    assert bridge.state is State.ESTOP
+    assert node._answer(node._on_reset, None, Trigger.Response()).success
+
+
+def test_an_error_in_a_callback_or_a_cycle_is_counted_and_ends_nothing(node):
+    assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
+    node.spin_until(lambda: node._bridge.state is State.READY)
+    node._reader.read = node._command_message.write = None       # not callable: in the one thread, and in the other
+    listening = node.rig.node.create_subscription(JointState, '/servo_bridge/command', lambda message: None, 10)
+    node.spin_until(lambda: node._mishaps > 50)
+    before = node._mishaps
+    node.rig.until(lambda: node.rig.trajectories.get_subscription_count() > 0)
+    node.rig.send_legal()
+    node.spin_until(lambda: node._mishaps > before and "'NoneType' object is not callable" in node._last_mishap)
+    assert node._bridge.state is State.READY and torque(node.rig)
+    response = node._answer(lambda: 1 / 0, None, Trigger.Response())
+    assert not response.success and 'ZeroDivisionError' in response.message
+    node._post(lambda: 1 / 0)
+    node.spin_until(lambda: 'ZeroDivisionError' in node._last_mishap)
+    assert node._loop.failure is None
+    node.rig.node.destroy_subscription(listening)
 
 
 def zombie(pid):

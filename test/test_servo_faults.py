@@ -11,6 +11,7 @@ from lifecycle_msgs.msg import Transition
 from servo_rig import ServoRig
 from std_msgs.msg import Bool
 
+from style_servo.control_table import control_table, model_named
 from style_servo.record import read_record
 from style_servo.recorder import runs_of
 from style_servo.states import EDGES, State
@@ -80,6 +81,14 @@ def test_faults_of_single_servos_and_their_reset(start):
     rig.tell('silent', id=6, on=False)
     recover(rig)
     fault(rig, 'left_ankle', 'does not follow', do='block', id=3)
+    # it presses no longer: the servo's goal is where the joint is blocked
+    unit = control_table(model_named('XM430-W350')).position_unit
+
+    def pressing():
+        servo, = rig.tell('state', id=3)['servos']
+        assert servo['torque']
+        return abs(servo['goal'] * unit - servo['position'])
+    rig.until(lambda: pressing() < unit)
     rig.tell('block', id=3, on=False)
     recover(rig)
 
@@ -149,6 +158,9 @@ def test_deactivating_brakes_and_releases_from_every_state(start):
         reach()
         assert rig.change(Transition.TRANSITION_DEACTIVATE)
         assert not any(servo['torque'] for servo in rig.tell('state')['servos'])
+        if rig.states[-1].estop_held:       # a stop outlives that
+            assert not rig.change(Transition.TRANSITION_ACTIVATE)
+            assert rig.trigger('reset').success
         assert rig.change(Transition.TRANSITION_ACTIVATE)
         rig.wait_for(State.READY)
     assert rig.change(Transition.TRANSITION_DEACTIVATE)

@@ -133,7 +133,7 @@ class Bridge:
             raise UsageError(f'cannot arm while {self.state.name}')
         self._take_posture(now)
         try:
-            self._refuse_if_pressed(now)    # meanwhile
+            self._refuse_if_pressed(now)    # and so does this
         except UsageError:
             self._torque_off()
             raise
@@ -184,6 +184,7 @@ class Bridge:
             worst = int(np.nanargmax(outside))
             raise UsageError(f'joint {self.chain.names[worst]} stands at {posture[worst]:.3f} rad, outside its limits '
                              f'{self._lower[worst]:.3f} to {self._upper[worst]:.3f}: move it inside by hand')
+        self._refuse_if_pressed(now)    # connecting and looking take time
         self.backend.enable()
         posture = self.backend.measurement.position.copy()
         self._torque, self._lost, self._backend_fault = True, False, False

@@ -2,6 +2,7 @@
 import array
 import gc
 import getpass
+import math
 import os
 import sys
 import time
@@ -46,6 +47,7 @@ __all__ = ['BridgeNode', 'main']
 
 STATE_EVERY_S = 0.1
 REPORT_EVERY_S = 1.0
+DEAF_S = 2.0        # the executor's thread hears the emergency stop: without a sign of it for so long, the bridge stops
 SWITCH_S = 0.0001       # a thread that computes lets the other one in after this long
 
 
@@ -72,6 +74,7 @@ class BridgeNode(SoundLifecycleNode):
         self._bridge = self._loop = self._recorder = None
         self._made = []     # what configuring made: how to destroy it, and it
         self._mishaps, self._last_mishap = 0, ''
+        self._executor_waits, self._listened_at = False, -math.inf
         declare(self, BRIDGE)
         watch(self, BRIDGE, lambda: self._bridge is not None, lambda values: None)
         values = values_of(self, BRIDGE)
@@ -215,6 +218,7 @@ class BridgeNode(SoundLifecycleNode):
             result = super().on_activate(state)
             self._times = CycleTimes(self._period)
             self._note_state()
+            self._listened_at = time.monotonic()
             self._loop = ServoLoop(self._cycle, bridge.ticked, self._period, self._news.trigger)
         except BaseException:
             bridge.disarm(time.monotonic())
@@ -304,7 +308,9 @@ class BridgeNode(SoundLifecycleNode):
 
     def _pressed(self, now):
         """Why the emergency stop counts as pressed, or ''; before every command, in whatever thread the bridge runs."""
-        if self._loop is None:
+        if self._loop is not None and now - self._listened_at > DEAF_S and not self._executor_waits:
+            return f'the node has heard nothing for {DEAF_S:g} s, no emergency stop either: it hangs or has no time'
+        if self._loop is None or self._executor_waits:
             try:
                 self._buttons.catch_up()        # the executor is busy with a transition
             except Exception as error:
@@ -343,11 +349,15 @@ class BridgeNode(SoundLifecycleNode):
         lifted, self._stop.by_service = self._stop.by_service, False
         if self._loop is None and lifted:
             return 'the stop by service is lifted'
+        self._executor_waits = True
         try:
             self._in_turn(lambda: self._bridge.reset(time.monotonic()))
         except BaseException:
             self._stop.by_service = lifted
             raise
+        finally:
+            self._listened_at = time.monotonic()
+            self._executor_waits = False
         return ''
 
     def _on_release(self):
@@ -413,6 +423,7 @@ class BridgeNode(SoundLifecycleNode):
                 'std_srvs/srv/Trigger)')
 
     def _publish_state(self):
+        self._listened_at = time.monotonic()
         recorder = self._recorder
         if recorder is not None and recorder.problem and not self._problem_told:
             self._problem_told = True

@@ -54,7 +54,8 @@ def test_a_new_run_leaves_earlier_ones_as_they_are(tmp_path):
         read_record(path, 7)
 
 
-def test_size_is_bounded_and_the_end_of_the_run_before_stays(tmp_path):
+def test_size_is_bounded_and_the_end_of_the_run_before_stays(tmp_path, monkeypatch):
+    monkeypatch.setattr('style_servo.recorder.WRITE_EVERY_S', 0.002)
     path, size, files = tmp_path / 'flight', 5000, 6
 
     def run(cycles):
