@@ -22,7 +22,8 @@ from nodes import CONFIG, enclave, lifecycle, local_only
 ARGUMENTS = {
     'sim': ('false', 'true: start a simulated Dynamixel chain and drive that instead of real servos'),
     'chain': ('humanoid20.yaml', 'chain file: absolute, or the name of one in config/servo'),
-    'params': (str(CONFIG / 'servo' / 'bridge.yaml'), 'parameter file of the bridge'),
+    'params': (str(CONFIG / 'servo' / 'bridge.yaml'), 'parameter file of the bridge (with sim:=true and no other '
+               'one given, simulated.yaml comes on top)'),
     'backend': ('dynamixel', 'dynamixel or ros2_control'),
     'port': ('/dev/ttyUSB0', 'serial device of the Dynamixel adapter (not used with sim:=true)'),
     'baud': ('1000000', 'bits a second on the Dynamixel bus'),
@@ -43,10 +44,13 @@ def _start(context):
     if argument['sim'].lower() == 'true':
         port = argument['sim_link'] or os.path.join(tempfile.mkdtemp(prefix='dynamixel_'), 'port')
         actions.append(_simulator(argument, port))
+    # the simulated servos share this computer; a parameter file of the user's has the last word
+    patient = bool(actions) and argument['params'] == ARGUMENTS['params'][0]
+    patience = [str(CONFIG / 'servo' / 'simulated.yaml')] if patient else []
     bridge = lifecycle(LifecycleNode(
         package='style_servo', executable='bridge', name='servo_bridge', namespace=argument['namespace'],
         output='screen', ros_arguments=enclave('servo_bridge'),
-        parameters=[argument['params'], {
+        parameters=[argument['params'], *patience, {
             'chain': ParameterValue(argument['chain'], value_type=str), 'backend': argument['backend'], 'port': port,
             'baud': int(argument['baud']), 'stop_with_parent': True, **_record(argument['record'])}],
         remappings=[(name, argument[name]) for name in ('joint_trajectory', 'joint_states', 'estop')]),
