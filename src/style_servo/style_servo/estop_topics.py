@@ -3,6 +3,7 @@ import time
 from functools import partial
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_event import SubscriptionEventCallbacks
 from std_msgs.msg import Bool
 
 from style_servo.emergency_stop import BEST_EFFORT, LATCHED, RELIABLE
@@ -36,13 +37,15 @@ class EstopTopics:
         self._node, self._stop, self._changed = node, stop, changed
         self._made_at = time.monotonic()
         self._streams = []
+        # a publisher that the first two subscriptions do not fit is heard by the third: no reason for a warning
+        quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
         for button in stop.buttons:
             button.topic = node.resolve_topic_name(button.topic)
             for stream, (reliability, durability) in STREAMS.items():
                 hear = partial(self._hear, button, stream)
                 self._streams.append((node.create_subscription(
-                    Bool, button.topic, hear, QoSProfile(depth=DEPTH, reliability=reliability, durability=durability)),
-                    hear))
+                    Bool, button.topic, hear, QoSProfile(depth=DEPTH, reliability=reliability, durability=durability),
+                    event_callbacks=quiet), hear))
 
     def _hear(self, button, stream, message):
         button.hear(message.data, stream, time.monotonic(), partial(self._publishers, button.topic))
