@@ -20,6 +20,7 @@ from servo_rig import ServoRig
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
+from style_core.errors import UsageError
 from style_node.executor import PromptExecutor
 from style_servo.bridge import Points
 from style_servo.bridge_node import BridgeNode
@@ -375,6 +376,48 @@ def test_a_press_while_the_node_resets_stops_it_before_it_moves(node, moment):
     assert abs(node._bridge.command - held).max() < 0.01
     response = node._answer(node._on_reset, None, Trigger.Response())
     assert not response.success and 'still pressed' in response.message
+
+
+@pytest.mark.parametrize('during', ['activation', 'reset'])
+def test_a_goal_that_comes_while_nothing_is_to_move_is_not_played_when_it_may(node, during):
+    """It waits in the middleware until the node has time to look at it, and then the bridge is ready."""
+    rig, bridge = node.rig, node._bridge
+    rig.until(lambda: rig.trajectories.get_subscription_count() > 0)
+    if during == 'reset':
+        assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
+        node._on_estop()
+        node.spin_until(lambda: bridge.state is State.ESTOP)
+    was = bridge.backend.enable
+
+    def enable():
+        for _ in range(3):
+            rig.send({'names': list(rig.chain.names), 'times': [0.5], 'velocities': None, 'stamp': 0.0,
+                      'positions': (rig.chain.array('lower') + rig.chain.array('upper'))[None] / 2})
+        time.sleep(0.3)         # until they have arrived
+        was()
+    bridge.backend.enable = enable
+    if during == 'reset':
+        assert node._answer(node._on_reset, None, Trigger.Response()).success
+    else:
+        assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
+    at = bridge.command.copy()
+    end = time.monotonic() + 0.5
+    node.spin_until(lambda: time.monotonic() > end)
+    assert bridge.state is State.READY and np.array_equal(bridge.command, at)
+    assert bridge.rejections == {'wrong state': 3}
+
+
+@pytest.mark.parametrize('values', [{'estop_required': True, 'estop_topics': []}, {'estop_topics': ['no topic']},
+                                    {'estop_topics': ['']}])
+def test_a_stop_that_cannot_be_heard_is_refused_at_the_start(values):
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    try:
+        with pytest.raises(UsageError, match='estop_topics'):
+            BridgeNode(context=context, parameter_overrides=[Parameter(name, value=value)
+                                                             for name, value in values.items()])
+    finally:
+        rclpy.shutdown(context=context)
 
 
 def test_a_node_that_no_longer_listens_stops(node):

@@ -14,6 +14,7 @@ from pathlib import Path
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -80,7 +81,12 @@ class BridgeNode(SoundLifecycleNode):
         values = values_of(self, BRIDGE)
         self._parent = os.getppid() if values['stop_with_parent'] else None
         self._stop = EmergencyStop(values['estop_topics'], values['estop_required'], values['estop_heartbeat'])
-        self._buttons = EstopTopics(self, self._stop, self._on_pressed)
+        if self._stop.required and not self._stop.buttons:
+            raise UsageError('an emergency stop is required, but estop_topics names none')
+        try:
+            self._buttons = EstopTopics(self, self._stop, self._on_pressed)
+        except (InvalidTopicNameException, RuntimeError, ValueError) as error:
+            raise UsageError(f'estop_topics: {error}') from None
 
     @property
     def finished(self):
@@ -191,7 +197,7 @@ class BridgeNode(SoundLifecycleNode):
         self._state = publisher(self.create_lifecycle_publisher(
             BridgeState, '~/state', QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)))
         self._diagnostics = made(self.destroy_publisher, self.create_publisher(DiagnosticArray, '/diagnostics', 10))
-        made(self.destroy_subscription, self.create_subscription(
+        self._trajectories = made(self.destroy_subscription, self.create_subscription(
             JointTrajectory, 'joint_trajectory', self._on_trajectory, 8, raw=True,
             qos_overriding_options=QoSOverridingOptions.with_default_policies()))
         for name, answer in (('estop', self._on_estop), ('reset', self._on_reset),
@@ -219,6 +225,7 @@ class BridgeNode(SoundLifecycleNode):
             self._times = CycleTimes(self._period)
             self._note_state()
             self._listened_at = time.monotonic()
+            self._refuse_what_waits()
             self._loop = ServoLoop(self._cycle, bridge.ticked, self._period, self._news.trigger)
         except BaseException:
             bridge.disarm(time.monotonic())
@@ -273,10 +280,7 @@ class BridgeNode(SoundLifecycleNode):
 
     def _on_trajectory(self, raw):
         if self._loop is None:
-            error = MotionError('the bridge is not active')
-            error.kind = 'not active'
-            self._bridge.count_rejection(error)
-            self._tell_rejection(error)
+            self._refuse('not active', 'the bridge is not active')
             return
         self._taken += 1        # since the last cycle
         if self._taken > self._values['messages_per_cycle']:
@@ -284,13 +288,11 @@ class BridgeNode(SoundLifecycleNode):
             return
         try:
             if len(raw) > self._values['max_message_bytes']:
-                error = MotionError(f'a message of {len(raw)} bytes is refused unread')
-                error.kind = 'size'
-                raise error
+                self._refuse('size', f'a message of {len(raw)} bytes is refused unread')
+                return
             stamp, points = self._reader.read(raw)
         except MotionError as error:
-            self._post(self._bridge.count_rejection, error)
-            self._tell_rejection(error)
+            self._refuse(getattr(error, 'kind', 'unusable'), str(error))
             return
         start = time.monotonic()
         if stamp:
@@ -302,6 +304,21 @@ class BridgeNode(SoundLifecycleNode):
             self._bridge.submit(points, start, time.monotonic(), stamp)
         except MotionError as error:
             self._tell_rejection(error)
+
+    def _refuse(self, kind, reason):
+        error = MotionError(reason)
+        error.kind = kind
+        if self._loop is None:
+            self._bridge.count_rejection(error)
+        else:
+            self._post(self._bridge.count_rejection, error)
+        self._tell_rejection(error)
+
+    def _refuse_what_waits(self):
+        """Trajectories that came while nothing was to move are not played because they are looked at later."""
+        with self._trajectories.handle:
+            while self._trajectories.handle.take_message(JointTrajectory, True) is not None:
+                self._refuse('wrong state', 'it came before the bridge was ready')
 
     def _tell_rejection(self, error):
         self.get_logger().warning(f'trajectory refused: {error}', throttle_duration_sec=1.0)
@@ -355,6 +372,8 @@ class BridgeNode(SoundLifecycleNode):
         except BaseException:
             self._stop.by_service = lifted
             raise
+        else:
+            self._refuse_what_waits()
         finally:
             self._listened_at = time.monotonic()
             self._executor_waits = False
