@@ -24,7 +24,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from style_core.errors import MotionError, UsageError
 from style_core.follow.limiter import PASS
-from style_core.stream.health import OK, WARN, Health
+from style_core.stream.health import WARN, Health
 from style_core.stream.stamp_policy import NANOSECONDS
 from style_msgs.msg import BridgeState
 from style_node.diagnostics import diagnostics_message
@@ -34,7 +34,7 @@ from style_node.ros_parameters import declare, values_of, watch
 from style_node.templates import MessageTemplate
 from style_servo.backend import BackendFault
 from style_servo.bridge import Bridge
-from style_servo.bridge_health import CycleTimes, health_of_bridge
+from style_servo.bridge_health import CycleTimes, health_of_bridge, with_the_rest
 from style_servo.chain import load_chain
 from style_servo.emergency_stop import EmergencyStop
 from style_servo.estop_topics import EstopTopics
@@ -471,25 +471,10 @@ class BridgeNode(SoundLifecycleNode):
         health = Health(WARN, 'not active', {})
         if self._loop is not None:
             health = health_of_bridge(self._bridge, self._times, self._flood, time.monotonic())
-        health = self._with_the_rest(health)
+        health = with_the_rest(health, self._bridge, self._stop.reason(time.monotonic()), self._recorder, self._mishaps,
+                               self._last_mishap)
         self._diagnostics.publish(diagnostics_message(self.get_clock().now().to_msg(),
                                                       f'{self.get_name()}: motors', health, self._bridge.chain.name))
-
-
-    def _with_the_rest(self, health):
-        """What is of the node and not of the bridge's cycles."""
-        facts = {**health.facts, 'emergency stop': self._stop.reason(time.monotonic()) or 'released',
-                 'errors of the program': str(self._mishaps + self._bridge.counts['internal errors'])}
-        if self._last_mishap:
-            facts['last error of the program'] = self._last_mishap
-        facts.update({f'rejected: {kind}': str(count) for kind, count in dict(self._bridge.rejections).items()})
-        level, summary, recorder = health.level, health.summary, self._recorder
-        if recorder is not None:
-            facts['flight record'] = recorder.problem or 'written'
-            facts['flight record: cycles left out'] = str(recorder.lost)
-            if recorder.problem and level == OK:
-                level, summary = WARN, f'{summary}, but the flight record has ended: {recorder.problem}'
-        return Health(level, summary, facts)
 
 
 def main(args=None):

@@ -14,7 +14,7 @@ from style_servo.states import State
 __all__ = ['Record', 'read_record', 'violations', 'main']
 
 # states (style_servo.states.State) after which the bridge starts anew from the measured posture
-_RESTARTS = (0, 4, 5, 6, 7)
+_RESTARTS = (State.HOLDING, State.RELAXED, State.ESTOP, State.FAULT)
 
 
 class Record(NamedTuple):
@@ -103,7 +103,9 @@ def violations(record):
         'position', 'velocity' and 'acceleration': joint commands beyond that limit; 'not finite'; and 'commands': how
         many joint commands were looked at.
     """
-    command, limits = record.command, record.limits
+    sent = record.state != State.DISARMED       # these rows mark where the motors were let go
+    anew = np.append(False, ~sent)[:-1][sent]
+    command, state, limits = record.command[sent], record.state[sent], record.limits
     period = limits['period']
     counts = {'commands': command.size, 'not finite': int(np.count_nonzero(~np.isfinite(command)))}
     counts['position'] = int(np.count_nonzero((command < limits['lower']) | (command > limits['upper'])))
@@ -111,7 +113,7 @@ def violations(record):
     step = np.diff(command, axis=0)
     change = np.diff(step, axis=0)
     # a reset starts at the measured posture: READY after a state that only a reset leaves
-    fresh = np.isin(record.state[:-1], _RESTARTS) & (record.state[1:] == 1)
+    fresh = (np.isin(state[:-1], _RESTARTS) & (state[1:] == State.READY)) | anew[1:]
     step_of_one_life = ~fresh
     change_of_one_life = ~(fresh[1:] | fresh[:-1])
     counts['velocity'] = int(np.count_nonzero(np.abs(step[step_of_one_life]) > limits['velocity'] * period))

@@ -215,3 +215,21 @@ def test_the_reader_says_what_a_record_holds_and_writes_text(tmp_path, capsys):
     assert main([str(tmp_path / 'nothing')]) == 1 and 'there is no flight record' in capsys.readouterr().err
     (tmp_path / 'other').write_text('{"joint_names": 5}\n')
     assert main([str(tmp_path / 'other')]) == 1 and 'is not a flight record' in capsys.readouterr().err
+
+
+def test_where_the_motors_were_let_go_nothing_was_commanded(tmp_path):
+    """In the middle of a motion, with the bus gone: then it starts anew from another posture."""
+    recorder = Recorder(tmp_path / 'flight', CHAIN, 0.005)
+    rows = [(State.STREAMING, 0.0), (State.STREAMING, 0.0004), (State.FAULT, 0.0005), (State.DISARMED, 0.0005),
+            (State.READY, 0.9), (State.READY, 0.9)]
+    for k, (state, position) in enumerate(rows):
+        recorder.write(0.005 * k, state, *np.full((3, 2), position), 0.0)
+    recorder.close()
+    assert violations(read_record(tmp_path / 'flight')) == {
+        'commands': 10, 'not finite': 0, 'position': 0, 'velocity': 0, 'acceleration': 0}
+    recorder = Recorder(tmp_path / 'flight', CHAIN, 0.005)
+    for k, (_, position) in enumerate(rows):
+        recorder.write(0.005 * k, State.STREAMING, *np.full((3, 2), position), 0.0)
+    recorder.close()
+    counts = violations(read_record(tmp_path / 'flight'))
+    assert counts['velocity'] == 2 and counts['acceleration'] == 4
