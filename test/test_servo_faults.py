@@ -59,6 +59,7 @@ def test_faults_of_single_servos_and_their_reset(start):
     rig.stream(0.3)
     assert rig.state is State.FAULT         # latched, whatever is sent
     rig.until(lambda: rig.diagnostics[-1].status[0].level == b'\x02')
+    assert 'ros2 service call /servo_bridge/reset std_srvs/srv/Trigger' in rig.log()     # the warning says what to do
     recover(rig)
     fault(rig, 'left_knee (ID 2', 'overheating', do='heat', id=2, celsius=95)
     rig.tell('heat', id=2, celsius=30)

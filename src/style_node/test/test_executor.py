@@ -209,6 +209,35 @@ def test_a_timer_cancelled_by_another_does_not_fire(setting):
     assert setting.spin(lambda: len(fired) > 2) and 'late' not in fired and late.is_canceled()
 
 
+def test_errors_of_callbacks_end_nothing_where_somebody_takes_them(setting):
+    taken, calls = [], []
+    setting.executor.mishap = taken.append
+
+    def fail(kind):
+        def callback(*_):
+            calls.append(kind)
+            raise ValueError(kind)
+        return callback
+    setting.node.create_subscription(String, 'words', fail('message'), 10)
+    timer = setting.node.create_timer(0.01, fail('timer'))
+    setting.node.create_service(Trigger, 'fails', fail('service'))
+    guard = setting.node.create_guard_condition(fail('guard'))
+    client = setting.peer.create_client(Trigger, 'fails')
+    assert setting.spin(client.service_is_ready)
+    client.call_async(Trigger.Request())
+    guard.trigger()
+
+    def all_have():
+        setting.say('word')
+        return {'message', 'timer', 'service', 'guard'} <= set(calls)
+    assert setting.spin(all_have)
+    timer.cancel()
+    heard = len(setting.heard)
+    setting.say('more')
+    assert setting.spin(lambda: len(setting.heard) > heard)     # whoever does not fail is served
+    assert len(taken) == len(calls) and {str(error) for error in taken} == set(calls)
+
+
 def test_tasks_run_and_errors_of_callbacks_come_out(setting):
     task = setting.executor.create_task(lambda: 'done')
     assert setting.spin(task.done) and task.result() == 'done'
