@@ -7,7 +7,6 @@ import time
 
 import numpy as np
 import pytest
-import rclpy
 from lifecycle_msgs.msg import Transition
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
@@ -20,7 +19,6 @@ from servo_rig import ServoRig
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
-from style_core.errors import UsageError
 from style_node.executor import PromptExecutor
 from style_servo.bridge import Points
 from style_servo.bridge_node import BridgeNode
@@ -309,9 +307,8 @@ def test_a_bridge_whose_launcher_has_gone_brakes_and_switches_torque_off(start):
 def node(start, tmp_path):
     """A configured node with a simulated chain, its executor, and a latched button; `rig` is the rig."""
     rig = start(bridge=False)
-    context = rclpy.Context()
-    rclpy.init(context=context)
     values = {**rig.parameters, 'record': ''}
+    context = rig.context
     node = BridgeNode(context=context, parameter_overrides=[Parameter(name, value=value)
                                                             for name, value in values.items()])
     node.rig, node.button = rig, Button(rig, 'latched')
@@ -326,12 +323,12 @@ def node(start, tmp_path):
             executor.spin_once(timeout_sec=0.01)
             rig.executor.spin_once(timeout_sec=0.0)
     node.spin_until = spin_until
-    assert node.trigger_configure() is TransitionCallbackReturn.SUCCESS
+    # a busy machine may keep the simulated servos from answering
+    assert any(node.trigger_configure() is TransitionCallbackReturn.SUCCESS for _ in range(4))
     yield node
     node.release()
     executor.shutdown()
     node.destroy_node()
-    rclpy.shutdown(context=context)
 
 
 def pressing_when(node, name):
@@ -407,17 +404,61 @@ def test_a_goal_that_comes_while_nothing_is_to_move_is_not_played_when_it_may(no
     assert bridge.rejections == {'wrong state': 3}
 
 
-@pytest.mark.parametrize('values', [{'estop_required': True, 'estop_topics': []}, {'estop_topics': ['no topic']},
-                                    {'estop_topics': ['']}])
+@pytest.mark.parametrize('values', [['estop_required:=true', 'estop_topics:=[""]'], ['estop_topics:=[no topic]']])
 def test_a_stop_that_cannot_be_heard_is_refused_at_the_start(values):
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    try:
-        with pytest.raises(UsageError, match='estop_topics'):
-            BridgeNode(context=context, parameter_overrides=[Parameter(name, value=value)
-                                                             for name, value in values.items()])
-    finally:
-        rclpy.shutdown(context=context)
+    words = [word for value in values for word in ('-p', value)]
+    done = subprocess.run([sys.executable, '-m', 'style_servo.bridge_node', '--ros-args', *words],
+                          stderr=subprocess.PIPE, text=True, timeout=60)
+    assert done.returncode == 2 and 'estop_topics' in done.stderr and 'Traceback' not in done.stderr
+
+
+@pytest.mark.parametrize('seed', [0, 1])
+def test_pressed_at_any_moment_of_any_life_nothing_arms_and_nothing_moves(node, seed):
+    """Presses, releases, transitions, resets, goals and faults in any order, against what the button last said."""
+    rng, rig, pressed = np.random.default_rng(seed), node.rig, False
+
+    def say(value):
+        nonlocal pressed
+        pressed = value
+        node.button.say(value)
+        if node._bridge is None or rng.random() < 0.5:
+            time.sleep(0.1)         # it has arrived, but the executor has not looked at it
+        else:
+            node.spin_until(lambda: bool(node._stop.reason(0.0)) == value)
+
+    def activate():
+        was_pressed = pressed
+        if node.state == 'inactive':
+            taken = node.trigger_activate()
+            assert not (was_pressed and taken is TransitionCallbackReturn.SUCCESS)
+
+    def deactivate():
+        if node.state == 'active':
+            assert node.trigger_deactivate() is TransitionCallbackReturn.SUCCESS
+            assert not torque(rig)
+
+    def restart():
+        deactivate()
+        if node.state == 'inactive':
+            assert node.trigger_cleanup() is TransitionCallbackReturn.SUCCESS
+        assert any(node.trigger_configure() is TransitionCallbackReturn.SUCCESS for _ in range(4))
+
+    def reset():
+        was_pressed = pressed
+        answer = node._answer(node._on_reset, None, Trigger.Response())
+        assert not (was_pressed and answer.success), answer.message
+
+    def block():
+        rig.tell('block', id=int(rng.integers(1, 7)), on=bool(rng.random() < 0.5))
+    for _ in range(50):
+        rng.choice([lambda: say(True), lambda: say(False), activate, activate, reset, deactivate, restart, block,
+                    rig.send_legal, rig.send_legal, rig.send_legal])()
+        end = time.monotonic() + float(rng.uniform(0.0, 0.1))
+        node.spin_until(lambda: time.monotonic() > end)     # noqa: B023
+        if pressed:
+            node.spin_until(lambda: node._stop.reason(0.0))
+            node.spin_until(lambda: node._loop is None or node._bridge.state in (State.ESTOP, State.FAULT), 1.0)
+    rig.tell('block', on=False)
 
 
 def test_a_node_that_no_longer_listens_stops(node):
