@@ -44,6 +44,7 @@ from style_servo.simulated_motion import STEP_S
 __all__ = ['PtyBus', 'tell', 'parse_servos', 'main']
 
 PROMPT_S = 0.001    # to look again this much after it should is no delay
+FORGIVEN_S = 0.3    # of delays since the client spoke last: one that has died is noticed on a busy machine, too
 QUIET_S = 0.02      # a pause this long ends an unfinished packet
 TCGETS2 = 0x802C542A
 
@@ -68,7 +69,7 @@ class PtyBus:
         self._check_baud, self._parent = check_baud, parent
         self._parser = Parser()
         self._last_byte = 0.0
-        self._looked = time.monotonic()
+        self._looked, self._forgiven = time.monotonic(), 0.0
         self._pending = []
         self._silent = set()
         self._master = None
@@ -142,13 +143,15 @@ class PtyBus:
         now = time.monotonic()
         # a busy machine woke this program late. What came meanwhile lies in the terminal, and who was to send it may
         # not have run either: real servos have processors of their own
-        self.bus.excused += max(0.0, now - self._looked - timeout - PROMPT_S)
+        late = min(max(0.0, now - self._looked - timeout - PROMPT_S), FORGIVEN_S - self._forgiven)
+        self.bus.excused += late
+        self._forgiven += late
         self._looked = now
         if self._master in ready:
             self._receive(now)
         while self._pending and self._pending[0][0] <= time.monotonic():
             self._send(self._pending.pop(0)[1])
-        self.bus.advance(time.monotonic())
+        self.bus.advance(now)       # what has passed since then is judged when it is known whether it was a delay
         for source in ready:
             if source is self._control:
                 client, _ = source.accept()
@@ -163,7 +166,7 @@ class PtyBus:
             return      # nobody has the other end open
         if now - self._last_byte > QUIET_S:
             self._parser.forget()
-        self._last_byte = now
+        self._last_byte, self._forgiven = now, 0.0
         for servo_id, instruction, parameters, crc_ok in self._parser.feed(data):
             if self._silent:
                 self._hush(now)
