@@ -195,8 +195,9 @@ def main():
     from style_servo.record import read_record
     args.output.mkdir(parents=True, exist_ok=True)
     output = args.output.resolve()
-    flight = output / 'flight.bin'
-    flight.unlink(missing_ok=True)
+    flight = output / 'flight'
+    for part in output.glob('flight.*.flight'):     # of an earlier demo
+        part.unlink()
     (output / 'bridge.yaml').write_text(BRIDGE)
     link = str(output / 'servo_port')
     show = material(output, args.synthetic, args.trial)

@@ -1,6 +1,7 @@
 """A simulated chain and the bridge as processes of their own, and a node that talks to the bridge."""
 import array
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -54,10 +55,12 @@ class ServoRig:
 
     def __init__(self, folder, chain='exosuit6.yaml', simulate=True, sim_options=(), listen=True, link=None,
                  **parameters):
+        self.folder = Path(folder)
         self.link, self.record, self.wire = (os.path.join(folder, name) for name in ('port', 'record', 'wire'))
         self.chain_path = os.path.join(ROOT, 'config', 'servo', chain)
         self.chain = load_chain(self.chain_path)
-        self.parameters = {**PATIENT, 'chain': self.chain_path, 'port': self.link, 'record': self.record, **parameters}
+        self.parameters = {**PATIENT, 'chain': self.chain_path, 'port': self.link,
+                           'record_folder': str(folder), 'record': 'record', **parameters}
         self.link = link or self.link
         self._options, self._processes = list(sim_options), []
         self._log = open(os.path.join(folder, 'log'), 'w')      # noqa: SIM115  (open as long as the rig)
@@ -89,14 +92,15 @@ class ServoRig:
         self._processes.append(process)
         return process
 
-    def start_bridge(self, **parameters):
-        """Start the bridge's process (unconfigured)."""
+    def start_bridge(self, limit=None, **parameters):
+        """Start the bridge's process (unconfigured); ``limit``: size that no file may outgrow, bytes."""
         arguments = []
         for name, value in {**self.parameters, **parameters}.items():
             text = str(value).lower() if isinstance(value, bool) else str(value) or "''"
             arguments += ['-p', f'{name}:={text}']
         process = subprocess.Popen([sys.executable, '-m', 'style_servo.bridge_node', '--ros-args', *arguments],
-                                   stderr=self._log)
+                                   stderr=self._log, preexec_fn=limit and (lambda: resource.setrlimit(
+                                       resource.RLIMIT_FSIZE, (limit, limit))))
         self._processes.append(process)
         return process
 

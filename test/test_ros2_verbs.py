@@ -127,3 +127,29 @@ def test_a_second_ctrl_c_does_not_interrupt_a_bridge_that_ends():
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
     assert '[bridge-2]: process has finished cleanly' in said[-1], ''.join(said)
+
+
+def test_sigterm_to_a_launch_alone_ends_what_it_launched(tmp_path):
+    # a service manager, a container or a script tells the launch only; simulator and bridge are not to stay behind
+    process = subprocess.Popen(['ros2', 'launch', 'style_bringup', 'servo.launch.py', 'sim:=true',
+                                f'sim_link:={tmp_path / "port"}'],
+                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+    patience = threading.Timer(60.0, os.killpg, (process.pid, signal.SIGKILL))
+    patience.start()
+    said = []
+    try:
+        for line in process.stdout:
+            said.append(line)
+            if 'READY' in line:
+                process.terminate()
+        text = ''.join(said)
+        assert process.wait(20) == 0, text
+        assert text.count('process has finished cleanly') == 2, text
+        with pytest.raises(ProcessLookupError):
+            os.killpg(process.pid, 0)       # nobody is left
+    finally:
+        patience.cancel()
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        process.stdout.close()

@@ -14,6 +14,7 @@ from std_msgs.msg import Bool
 from style_servo.control_table import control_table, model_named
 from style_servo.hostile import KINDS, hostile_fields, legal_fields
 from style_servo.record import read_record, violations
+from style_servo.recorder import runs_of
 from style_servo.states import State
 
 HOSTILE = 1500      # benchmarks/experiments/servo_safety.py sends 100,000
@@ -141,6 +142,7 @@ def test_a_killed_bridge_leaves_servos_that_stop_and_a_new_one_takes_over_withou
     rig.until(lambda: all(servo['halted'] for servo in rig.tell('state')['servos']))
     assert time.monotonic() - killed < 0.2 + 0.4
     judged(rig)
+    crash = {path: path.read_bytes() for path in runs_of(rig.record)[1]}
     rig.spin(0.3)
     before = [servo['position'] for servo in rig.tell('state')['servos']]
     rig.spin(0.3)
@@ -151,6 +153,8 @@ def test_a_killed_bridge_leaves_servos_that_stop_and_a_new_one_takes_over_withou
     rig.up()
     np.testing.assert_allclose([servo['position'] for servo in rig.tell('state')['servos']], before, atol=0.02)
     rig.stream_until(State.STREAMING)
+    # its record is another one
+    assert {path: path.read_bytes() for path in runs_of(rig.record)[1]} == crash and 2 in runs_of(rig.record)
 
 
 @pytest.mark.parametrize('by', ['service', 'topic'])

@@ -20,6 +20,7 @@ setup(
     entry_points={'console_scripts': [
         'bridge = style_servo.bridge_node:main',
         'dynamixel_sim = style_servo.dynamixel_sim:main',
+        'flight_record = style_servo.record:main',
     ]},
     zip_safe=False,
 )

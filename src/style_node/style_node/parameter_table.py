@@ -27,6 +27,8 @@ class Parameter:
         What a text may be; anything where empty.
     live : bool
         Whether it may be changed while the node is configured.
+    fixed : bool
+        It is what it was when the node was started, for ever: nobody on the network can change it.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Parameter:
     upper: Optional[float] = None
     choices: Tuple[str, ...] = ()
     live: bool = True
+    fixed: bool = False
 
     @property
     def text(self):
@@ -46,7 +49,9 @@ class Parameter:
             facts.append(f'{self.lower:g} to {self.upper:g}')
         if self.choices:
             facts.append('one of ' + ', '.join(self.choices))
-        if not self.live:
+        if self.fixed:
+            facts.append('fixed when the node is started')
+        elif not self.live:
             facts.append('takes effect when the node is configured')
         return self.description + (f' ({"; ".join(facts)})' if facts else '')
 
@@ -118,6 +123,9 @@ class ParameterTable:
         """
         known = {one.name: one for one in self.parameters}
         changes = {name: value for name, value in changes.items() if name in known}
+        fixed = [name for name, value in changes.items() if known[name].fixed and value != current[name]]
+        if fixed:
+            raise UsageError(f'{", ".join(fixed)} cannot change while the node runs: start it with other values')
         fixed = [name for name, value in changes.items()
                  if configured and not known[name].live and value != current[name]]
         if fixed:

@@ -53,6 +53,16 @@ def test_fixed_parameters_change_only_before_the_node_is_configured():
     TABLE.check_change(DEFAULTS, {'method': 'full'}, True)  # no change
 
 
+def test_parameters_that_are_fixed_at_the_start_never_change():
+    table = ParameterTable((Parameter('folder', 'here', 'Where', fixed=True), Parameter('name', 'a', 'What')))
+    values = {'folder': 'here', 'name': 'a'}
+    for configured in (False, True):
+        with pytest.raises(UsageError, match='folder cannot change while the node runs'):
+            table.check_change(values, {'folder': '/', 'name': 'b'}, configured)
+        assert table.check_change(values, {'folder': 'here', 'name': 'b'}, configured)['name'] == 'b'
+    assert 'fixed when the node is started' in table.markdown()
+
+
 def test_the_documentation_table_has_a_row_a_parameter():
     text = TABLE.markdown()
     assert text.count('\n') == 1 + len(DEFAULTS)

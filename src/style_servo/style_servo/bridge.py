@@ -3,7 +3,6 @@ import logging
 import math
 import time
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,8 @@ from style_core.follow.limiter import CLAMP, REJECT, Limiter
 from style_core.follow.plan import Foresight
 from style_core.follow.playback import Playback, make_track
 from style_servo.backend import BackendFault, Coming
+from style_servo.bridge_settings import BridgeSettings, Points
+from style_servo.holding import Holding
 from style_servo.states import Event, State, StateMachine
 
 __all__ = ['Bridge', 'BridgeSettings', 'Points']
@@ -26,82 +27,6 @@ LOOKS = 5               # tries to read the posture when arming
 NOTABLE_LAG = 0.02      # rad
 PLAYING = State.READY, State.RAMPING, State.STREAMING
 POSTURE_TOLERANCE = 0.05        # rad that a posture may lie outside the limits when arming
-
-
-@dataclass(frozen=True)
-class BridgeSettings:
-    """How the bridge behaves.
-
-    Attributes
-    ----------
-    rate : float
-        Commands a second.
-    input_timeout : float
-        A trajectory that ends moving is one window of a stream: without the next one for this long the input is
-        stale, s; 0 waits until the window has run out. A trajectory that ends at rest is complete and plays to its
-        end.
-    blend : float
-        A new trajectory takes over from the playing one within this time, s.
-    ramp_speed : float
-        Fraction of the joint limits used when ramping in from a held posture.
-    ramp_time : float
-        Shortest ramp, s, unless the joints stand where the trajectory begins.
-    coast : float
-        A trajectory that ends moving comes to rest in this time, s.
-    max_lead : float
-        A trajectory may start at most this far in the future, s.
-    hold_timeout : float
-        Hold this long on stale input before the hold policy, s.
-    hold_policy : str
-        'hold' for ever, 'relax' (torque off) or 'fault'.
-    latch_hold : bool
-        Stale input asks for a reset before trajectories are taken again.
-    estop_action, fault_action : str
-        'brake' (stop within the limits and hold with torque) or 'torque_off'.
-    following_time : float
-        A following error may last this long, s.
-    saturation_time : float
-        A trajectory may ask for more than the limits allow; the commands follow as fast as they may. This long a joint
-        may stay behind by more than its ``discontinuity``, s.
-    partial_joints : bool
-        Take trajectories for some of the joints; the others hold.
-    """
-
-    rate: float = 200.0
-    input_timeout: float = 0.3
-    blend: float = 0.06
-    ramp_speed: float = 0.3
-    ramp_time: float = 0.3
-    coast: float = 0.1
-    max_lead: float = 2.0
-    hold_timeout: float = 5.0
-    hold_policy: str = 'hold'
-    latch_hold: bool = False
-    estop_action: str = 'brake'
-    fault_action: str = 'brake'
-    following_time: float = 0.25
-    saturation_time: float = 1.0
-    partial_joints: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Points:
-    """The points of one trajectory as arrays.
-
-    Attributes
-    ----------
-    joint_names : sequence of str
-    times : ndarray, shape (K,)
-        From the start, s.
-    positions : ndarray, shape (K, J)
-    velocities, accelerations : ndarray, shape (K, J), or None
-    """
-
-    joint_names: tuple
-    times: np.ndarray
-    positions: np.ndarray
-    velocities: object = None
-    accelerations: object = None
 
 
 class Bridge:
@@ -134,8 +59,11 @@ class Bridge:
         Time that the commands have come to, s: a whole number of periods after the bridge was armed first.
     trace : callable, optional
         Called for every period's command with time, state, target, command, measured position and ``playing``.
+    pressed : callable
+        Takes the time; returns why the emergency stop counts as pressed, '' if it does not. Asked before every command:
+        while it is pressed nothing arms, resets or moves, whatever happens in which order.
     counts : dict
-        Trajectories accepted and rejected (by reason), joint commands clamped and rejected, following errors.
+        Trajectories accepted and rejected (by reason), joint commands clamped and rejected, errors of the program.
     """
 
     def __init__(self, chain, backend, settings):
@@ -156,6 +84,8 @@ class Bridge:
         self._lower, self._upper = chain.array('lower'), chain.array('upper')
         self._follow = chain.array('following_error')
         self._stopping_time = float(np.max(velocity / acceleration))
+        self._holding = Holding(np.minimum(self._follow, settings.hold_error), settings.following_time)
+        self._still = np.zeros(len(names))
         self.machine = StateMachine()
         self.reason = ''
         self.command, self.command_velocity = self._limiter.position, self._limiter.velocity
@@ -164,9 +94,9 @@ class Bridge:
         self.lag = np.zeros(len(names))
         self._behind = np.zeros(len(names), dtype=int)      # periods that a joint has lagged too far
         self._worst_lag = np.zeros(len(names))
-        self.counts = {'accepted': 0, 'rejected': 0, 'clamped': 0, 'limiter rejections': 0}
+        self.counts = {'accepted': 0, 'rejected': 0, 'clamped': 0, 'limiter rejections': 0, 'internal errors': 0}
         self.rejections = {}
-        self.estop_held = False
+        self.pressed = lambda now: ''
         self.trace = None
         self.playing = math.nan
         self.ticked = math.nan
@@ -204,13 +134,23 @@ class Bridge:
 
     def arm(self, now):
         """Torque on at the measured posture. Raises UsageError or BackendFault; then the bridge stays disarmed."""
-        if self.estop_held:
-            raise UsageError('the emergency stop is still pressed')
+        self._refuse_if_pressed(now)
         if not self.machine.allows(Event.ARM):
             raise UsageError(f'cannot arm while {self.state.name}')
         self._take_posture(now)
+        try:
+            self._refuse_if_pressed(now)    # and so does this
+        except UsageError:
+            self._torque_off()
+            raise
         self.machine.happen(Event.ARM)
         self._enter(now, '')
+        self._trace(now)
+
+    def _refuse_if_pressed(self, now):
+        reason = self.pressed(now)
+        if reason:
+            raise UsageError(f'the emergency stop is still pressed ({reason})')
 
     def disarm(self, now):
         """Torque off; brake first with :meth:`stop`."""
@@ -218,12 +158,18 @@ class Bridge:
         self._torque = False
         self.machine.happen(Event.DISARM)
         self._enter(now, '')
+        self._trace(now)
 
     def stop(self, now, clock=time.monotonic, sleep=time.sleep):
         """Brake to a stand, running its own ticks; used when a node is deactivated or the program ends."""
         end = now + 2 * self._stopping_time + 0.2
         period = 1.0 / self.settings.rate
         while self._torque and not self._lost and self.moving and clock() < end:
+            reason = self.pressed(clock())
+            if reason:
+                self.estop(clock(), reason)     # which may mean torque off at once
+            if not self._torque:
+                break
             self.ticked += period
             self._brake(clock() + self._lead)
             self._drive(clock())
@@ -243,6 +189,7 @@ class Bridge:
             worst = int(np.nanargmax(outside))
             raise UsageError(f'joint {self.chain.names[worst]} stands at {posture[worst]:.3f} rad, outside its limits '
                              f'{self._lower[worst]:.3f} to {self._upper[worst]:.3f}: move it inside by hand')
+        self._refuse_if_pressed(now)    # connecting and looking take time
         self.backend.enable()
         posture = self.backend.measurement.position.copy()
         self._torque, self._lost, self._backend_fault = True, False, False
@@ -284,8 +231,7 @@ class Bridge:
         """
         if not self.machine.allows(Event.RESET):
             raise UsageError(f'nothing to reset while {self.state.name}')
-        if self.estop_held:
-            raise UsageError('the emergency stop is still pressed')
+        self._refuse_if_pressed(now)
         if self.moving and self._torque and not self._lost:
             raise UsageError('the joints still brake: try again when they stand')
         try:
@@ -298,6 +244,7 @@ class Bridge:
             raise
         self.machine.happen(Event.RESET)
         self._enter(now, '')
+        self._trace(now)
 
     def _torque_off(self):
         self._torque = False
@@ -307,6 +254,7 @@ class Bridge:
         self._since = now
         self.reason = reason
         self._pending.clear()
+        self._holding.start()
         self._reject_run, self._behind[:] = 0, 0
 
     # --- trajectories -------------------------------------------------------------------------------------------
@@ -452,6 +400,9 @@ class Bridge:
         most = max(1, round(CATCH_UP_S / period))
         # what is left of rounding counts for the next call, so that the mean rate is right
         self.ticked += periods * period
+        reason = self.pressed(now)
+        if reason:
+            self.estop(now, reason)
         if self._lead:
             self._follow_plan(periods)
         else:
@@ -460,7 +411,7 @@ class Bridge:
                 self._limiter.expect(self._playback.sample(max(now - most * period, self._begun))[0])
             periods = min(periods, most)
             for k in range(periods - 1, -1, -1):
-                self._step(now - k * period)
+                self._step_soundly(now - k * period)
         self._foreseen = max(0, self._foreseen - periods)
         self._drive(now)
         return periods
@@ -474,7 +425,7 @@ class Bridge:
                 if k > self._foreseen + 1 and self.state in PLAYING:
                     # it has braked meanwhile; the target has moved on, and that is no jump of the sender's
                     self._limiter.expect(self._playback.sample(max(at, self._begun))[0])
-                self._step(at)
+                self._step_soundly(at)
             else:
                 self._brake(at)
 
@@ -482,6 +433,38 @@ class Bridge:
         """The trajectory of the commands, ``ahead`` s and the way to a stand beyond the last: see Foresight.plan."""
         self._foreseen = max(1, math.ceil(ahead * self.settings.rate - 1e-9))
         return self._foresight.plan(self.ticked + self._lead, self._foreseen, self.state in PLAYING)
+
+    def _step_soundly(self, now):
+        """Whatever goes wrong in choosing a reference is a fault, in which the joints brake."""
+        steps = self._limiter.counts.sum()
+        try:
+            self._step(now)
+        except Exception as error:
+            self.counts['internal errors'] += 1
+            log.exception('error of the program')
+            self.fault(now, f'error of the program: {error!r}')
+            if self._limiter.counts.sum() == steps:
+                self._limiter.brake()
+            self.target[:] = self.command
+        self._noted(now)
+
+    def _brake(self, now):
+        self._limiter.brake()
+        self.target[:] = self.command
+        self._noted(now)
+
+    def _noted(self, now):
+        """Remember the command for ``now``, and show it to who looks on."""
+        self._foresight.note()
+        if self.trace is None:
+            return
+        try:
+            self.trace(now - self._lead, self.state, self.target, self.command, self.backend.measurement.position,
+                       self.playing)
+        except Exception:       # who looks on may not keep a command from being sent
+            self.trace = None
+            self.counts['internal errors'] += 1
+            log.exception('error of the program: nobody looks on any more')
 
     def _step(self, now):
         """Limit one period's command."""
@@ -492,20 +475,22 @@ class Bridge:
             self._limiter.step(position, velocity)
             self.target[:] = position
             self._judge_bands(at)
-            self._noted(now)
         else:
-            self._brake(now)
+            self._hold(now)
 
-    def _brake(self, now):
-        self._limiter.brake()
-        self.target[:] = self.command
-        self._noted(now)
-
-    def _noted(self, now):
-        self._foresight.note()
-        if self.trace is not None:
-            self.trace(now - self._lead, self.state, self.target, self.command, self.backend.measurement.position,
-                       self.playing)
+    def _hold(self, now):
+        """Brake; then stand, and give way where a joint is held away from its command."""
+        measurement = self.backend.measurement
+        posture = None
+        if self._torque and measurement.fresh:
+            posture = self._holding.reference(now, self.command, not self.moving, measurement.position)
+        if posture is None:
+            self._limiter.brake()
+            self.target[:] = self.command
+            return
+        self._limiter.expect(posture)
+        self._limiter.step(posture, self._still)
+        self.target[:] = posture
 
     def _advance(self, now):
         """Everything that time alone brings about."""
@@ -580,6 +565,13 @@ class Bridge:
             self._backend_fault = True
             self.fault(now, str(error))
             return
+        except Exception as error:      # it is tried again in the next cycle; a reset checks everything anew
+            self.counts['internal errors'] += 1
+            if self.state is not State.FAULT:
+                log.exception('error of the program')
+            self._backend_fault = True
+            self.fault(now, f'error of the program in the back end: {error!r}')
+            return
         self._watch_following(now)
 
     def _watch_following(self, now):
@@ -596,6 +588,7 @@ class Bridge:
             worst = int(np.nanargmax(error / self._follow))
             self.fault(now, f'joint {self.chain.names[worst]} does not follow: commanded {due[worst]:.3f}, '
                             f'measured {measurement.position[worst]:.3f} rad (blocked, overloaded, or limits too fast)')
+            self._holding.start(error > self._follow)
 
 
 def _refusal(kind, message):

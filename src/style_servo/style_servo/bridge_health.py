@@ -7,7 +7,7 @@ import numpy as np
 from style_core.stream.health import ERROR, OK, WARN, Health
 from style_servo.states import State
 
-__all__ = ['CycleTimes', 'health_of_bridge']
+__all__ = ['CycleTimes', 'health_of_bridge', 'with_the_rest']
 
 OFF_S = 0.001       # a period further than this from what it should be is counted
 
@@ -97,3 +97,30 @@ def health_of_bridge(bridge, times, flood, now):
         return Health(WARN, f'{state.name}, but {lag[0]} lags {lag[1]:.2f} rad behind: the trajectory asks for more '
                             'than its limits', facts)
     return Health(OK, state.name, facts)
+
+
+def with_the_rest(health, bridge, pressed, recorder, mishaps, last_mishap):
+    """The same with what is of the node and not of the bridge's cycles.
+
+    Parameters
+    ----------
+    health : Health
+    bridge : Bridge
+    pressed : str
+        Why the emergency stop counts as pressed, or ''.
+    recorder : Recorder or None
+    mishaps : int
+        Exceptions of callbacks, and ``last_mishap`` the last one in words.
+    """
+    facts = {**health.facts, 'emergency stop': pressed or 'released',
+             'errors of the program': str(mishaps + bridge.counts['internal errors'])}
+    if last_mishap:
+        facts['last error of the program'] = last_mishap
+    facts.update({f'rejected: {kind}': str(count) for kind, count in dict(bridge.rejections).items()})
+    level, summary = health.level, health.summary
+    if recorder is not None:
+        facts['flight record'] = recorder.problem or 'written'
+        facts['flight record: cycles left out'] = str(recorder.lost)
+        if recorder.problem and level == OK:
+            level, summary = WARN, f'{summary}, but the flight record has ended: {recorder.problem}'
+    return Health(level, summary, facts)

@@ -43,6 +43,8 @@ from style_servo.simulated_motion import STEP_S
 
 __all__ = ['PtyBus', 'tell', 'parse_servos', 'main']
 
+PROMPT_S = 0.001    # to look again this much after it should is no delay
+FORGIVEN_S = 0.3    # of delays since the client spoke last: one that has died is noticed on a busy machine, too
 QUIET_S = 0.02      # a pause this long ends an unfinished packet
 TCGETS2 = 0x802C542A
 
@@ -57,14 +59,17 @@ class PtyBus:
         A symbolic link with this name points to the terminal; a socket LINK.control takes commands.
     check_baud : bool
         Servos understand only packets sent at their own baud rate (as set on the terminal by the client).
+    parent : int, optional
+        Process without which nothing is served any more.
     """
 
-    def __init__(self, bus, link, check_baud=True):
+    def __init__(self, bus, link, check_baud=True, parent=None):
         self.bus = bus
         self.link = Path(link)
-        self._check_baud = check_baud
+        self._check_baud, self._parent = check_baud, parent
         self._parser = Parser()
         self._last_byte = 0.0
+        self._looked, self._forgiven = time.monotonic(), 0.0
         self._pending = []
         self._silent = set()
         self._master = None
@@ -123,7 +128,7 @@ class PtyBus:
 
     def run(self):
         """Serve until told to stop."""
-        while not self._stop:
+        while not self._stop and self._parent in (None, os.getppid()):
             self.step(STEP_S)       # so that no reply waits for motion to be made up for
 
     def step(self, timeout):
@@ -136,11 +141,17 @@ class PtyBus:
             watched.append(self._master)
         ready, _, _ = select.select(watched, [], [], timeout)
         now = time.monotonic()
+        # a busy machine woke this program late. What came meanwhile lies in the terminal, and who was to send it may
+        # not have run either: real servos have processors of their own
+        late = min(max(0.0, now - self._looked - timeout - PROMPT_S), FORGIVEN_S - self._forgiven)
+        self.bus.excused += late
+        self._forgiven += late
+        self._looked = now
         if self._master in ready:
             self._receive(now)
         while self._pending and self._pending[0][0] <= time.monotonic():
             self._send(self._pending.pop(0)[1])
-        self.bus.advance(time.monotonic())
+        self.bus.advance(now)       # what has passed since then is judged when it is known whether it was a delay
         for source in ready:
             if source is self._control:
                 client, _ = source.accept()
@@ -155,7 +166,7 @@ class PtyBus:
             return      # nobody has the other end open
         if now - self._last_byte > QUIET_S:
             self._parser.forget()
-        self._last_byte = now
+        self._last_byte, self._forgiven = now, 0.0
         for servo_id, instruction, parameters, crc_ok in self._parser.feed(data):
             if self._silent:
                 self._hush(now)
@@ -327,6 +338,8 @@ def _parser():
                         help='replies take the time of their bits and of the return delay')
     parser.add_argument('--record', metavar='FILE', help='write every goal position received to FILE (JSON lines)')
     parser.add_argument('--seed', type=int, default=0, help='of the faults (default %(default)s)')
+    parser.add_argument('--stop-with-parent', action='store_true',
+                        help='end when the program that started this one has ended')
     parser.add_argument('--models', action='store_true', help='list the models and end')
     parser.add_argument('--tell', metavar='JSON', help='send one command to the simulator that runs at LINK and end')
     return parser
@@ -341,6 +354,7 @@ def main(argv=None):
     if '--ros-args' in arguments:       # launch appends these to every node
         arguments = arguments[:arguments.index('--ros-args')]
     args = _parser().parse_args(arguments)
+    parent = os.getppid()
     try:
         if args.tell:
             print(json.dumps(tell(args.link, **json.loads(args.tell)), indent=1))
@@ -352,7 +366,7 @@ def main(argv=None):
         bus = SimulatedBus(servos, args.baud, args.seed, args.true_timing)
         if args.record:
             bus.on_goal = _Record(args.record)
-        port = PtyBus(bus, args.link, check_baud=not args.any_baud)
+        port = PtyBus(bus, args.link, check_baud=not args.any_baud, parent=parent if args.stop_with_parent else None)
     except (UsageError, ValueError, OSError) as error:
         print(f'dynamixel_sim: {error}', file=sys.stderr)
         return 2

@@ -42,6 +42,12 @@ BRIDGE = ParameterTable((
     _of_bridge('following_time', 'How long a following error may last', 's', 0.0, 10.0),
     _of_bridge('saturation_time', 'How long a joint may lag behind a trajectory that asks for more than its limits, by '
                'more than its discontinuity', 's', 0.0, 60.0),
+    _of_bridge('hold_error', "How far a stopped joint's command may stay from where the joint is (at most its "
+               'following error): bounds what it presses with', 'rad', 0.001, 3.0),
+    Parameter('estop_topics', ('estop',), 'Topics of the emergency stop, one a button', fixed=True),
+    Parameter('estop_required', False, 'A button of which nothing was heard counts as pressed', fixed=True),
+    Parameter('estop_heartbeat', 0.0, 'A button that is silent for longer counts as pressed; 0: silence means nothing',
+              's', 0.0, 60.0, fixed=True),
     # the Dynamixel bus
     Parameter('port', '/dev/ttyUSB0', 'Serial device of the Dynamixel adapter', live=False),
     Parameter('baud', 1000000, 'Bits a second on the bus', '', 9600, 4000000, live=False),
@@ -68,8 +74,17 @@ BRIDGE = ParameterTable((
     # the process
     Parameter('realtime_priority', 0, 'Run under the real-time scheduler (SCHED_FIFO) at this priority; 0: no', '', 0,
               99, live=False),
-    Parameter('record', '', 'File to write every cycle to (time, state, target, command, measured position); empty for '
-              'none', live=False),
+    Parameter('stop_with_parent', False, 'Brake, switch torque off and end when the program that started this one has '
+              'ended', fixed=True),
+    # the flight record
+    Parameter('record', '', 'Name of the record of every cycle (time, state, target, command, measured position) '
+              'below record_folder; empty for none', live=False),
+    Parameter('record_folder', '', 'Where records may be written; empty for servo_bridge in $ROS_HOME (~/.ros)',
+              fixed=True),
+    Parameter('record_size', 64.0, 'A file of the record that has grown to this is followed by a next one', 'MB', 0.01,
+              10000.0, live=False),
+    Parameter('record_files', 20, 'So many files of a record are kept, the newest and the end of the run before', '', 4,
+              10000, live=False),
 ))
 
 

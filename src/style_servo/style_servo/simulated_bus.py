@@ -38,6 +38,8 @@ class SimulatedBus:
         Called with (now, {id: goal position}) after every instruction that wrote goal positions.
     instructions : dict
         Packets understood, by instruction byte.
+    excused : float
+        S for which the servos did not listen, because this program was not running: their watchdogs do not count it.
     """
 
     def __init__(self, servos, baud=1000000, seed=0, true_timing=False):
@@ -48,6 +50,7 @@ class SimulatedBus:
         self.true_timing = true_timing
         self.on_goal = None
         self.instructions = {}
+        self.excused = 0.0
         self._random = random.Random(seed)
         self._faults = {}
 
@@ -97,7 +100,7 @@ class SimulatedBus:
         """Move all servos to time ``now`` (s)."""
         self.motion.advance(now)
         for servo in self.servos:
-            servo.watch(now)
+            servo.watch(now - self.excused)
 
     # --- instructions -------------------------------------------------------------------------------------------
 
@@ -117,7 +120,7 @@ class SimulatedBus:
         everyone = servo_id == BROADCAST
         for servo in listening:
             if everyone or servo.id == servo_id:
-                servo.heard(now)
+                servo.heard(now - self.excused)
         if instruction in (Instruction.SYNC_READ, Instruction.FAST_SYNC_READ, Instruction.BULK_READ,
                            Instruction.FAST_BULK_READ, Instruction.SYNC_WRITE, Instruction.BULK_WRITE):
             if not everyone:

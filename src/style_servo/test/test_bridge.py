@@ -1,120 +1,15 @@
-"""The bridge's behaviour, tick by tick, with motors made of thin air and a clock made of a loop."""
+"""The bridge's behaviour, tick by tick, where nothing goes wrong but what is sent."""
 import contextlib
 import math
-from typing import ClassVar
 
 import numpy as np
 import pytest
+from bridge_rig import RATE, START, Rig, fast_wave
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from style_core.errors import MotionError, UsageError
-from style_servo.backend import BackendFault, Measurement
-from style_servo.bridge import Bridge, BridgeSettings, Points
-from style_servo.chain import Chain, Joint
-from style_servo.states import EDGES, Event, State, mermaid
-
-RATE = 200.0
-NAMES = ('hip', 'knee')
-START = np.array([0.1, -0.2])
-
-
-class IdealMotors:
-    """Joints that are where they are told to be, until a test says otherwise."""
-
-    def __init__(self):
-        self.measurement = Measurement.unknown(2)
-        self.statistics, self.notes = {}, []
-        self.posture = START.copy()
-        self.sent = []
-        self.torque = False
-        self.stuck = self.fault = None
-        self.answers = True
-        self.connected = 0
-
-    def connect(self):
-        self.torque = False
-        if self.fault:
-            raise self.fault
-        self.connected += 1
-        self.observe()
-
-    def observe(self):
-        if self.fault:
-            raise self.fault
-        self.measurement.position = self.posture.copy()
-        self.measurement.fresh = self.answers
-
-    def enable(self):
-        if self.fault:
-            raise self.fault
-        self.torque = True
-        self.observe()
-
-    def exchange(self, position, velocity, stop):
-        assert self.torque
-        self.sent.append(position.copy())
-        self.posture = position.copy()
-        if self.stuck is not None:
-            self.posture[0] = self.stuck
-        self.observe()
-
-    def disable(self):
-        self.torque = False
-        return True
-
-    def close(self):
-        self.disable()
-
-
-class Rig:
-    """A bridge, its motors and a clock."""
-
-    taken: ClassVar[dict] = {}      # edges of the state table taken by all rigs of this file
-
-    def __init__(self, armed=True, **changes):
-        self.chain = Chain(tuple(Joint(name, -1.0, 1.0, 3.0, 20.0, 0.3, 0.3) for name in NAMES))
-        self.motors = IdealMotors()
-        self.bridge = Bridge(self.chain, self.motors, BridgeSettings(rate=RATE, **changes))
-        self.bridge.machine.taken = Rig.taken
-        self.now = 100.0
-        self.path = []
-        if armed:
-            self.motors.connect()
-            self.bridge.arm(self.now)
-            assert self.bridge.state is State.READY
-
-    def run(self, seconds):
-        for _ in range(round(seconds * RATE)):
-            self.now += 1 / RATE
-            self.bridge.tick(self.now)
-            self.path.append(self.bridge.command.copy())
-        return self
-
-    def send(self, times, positions, velocities=None, names=NAMES, delay=0.0):
-        self.bridge.submit(Points(names, np.asarray(times, float), np.asarray(positions, float), velocities),
-                           self.now + delay, self.now)
-
-    def wave(self, seconds=0.6):
-        """A window of an endless motion, as a predictor sends it."""
-        times = np.linspace(0, seconds, 20)
-        t = (self.now - 100.0 + times)[:, None]
-        phase = np.array([0.0, 1.0])
-        self.send(times, 0.4 * np.sin(3 * t + phase), 1.2 * np.cos(3 * t + phase))
-
-    def stream(self, seconds, every=5):
-        for k in range(round(seconds * RATE)):
-            if k % every == 0:
-                self.wave()
-            self.run(1 / RATE)
-        return self
-
-    def stays_within_limits(self):
-        path = np.array(self.motors.sent)
-        steps = np.diff(path, axis=0)
-        assert np.all(np.abs(path) <= 1.0)
-        assert np.all(np.abs(steps) <= 3.0 / RATE)
-        assert np.all(np.abs(np.diff(steps, axis=0)) <= 20.0 / RATE / RATE)
+from style_servo.states import State
 
 
 def test_it_holds_the_measured_posture_until_a_trajectory_comes():
@@ -255,101 +150,6 @@ def test_the_hold_policy(policy, state, torque):
             np.testing.assert_allclose(rig.bridge.command, rig.motors.posture, atol=1e-12)
 
 
-@pytest.mark.parametrize('action, torque', [('brake', True), ('torque_off', False)])
-def test_an_emergency_stop_acts_in_the_next_cycle_and_latches(action, torque):
-    rig = Rig(estop_action=action).stream(2.0)
-    speed = np.abs(rig.bridge.command_velocity)
-    assert speed.max() > 0.5
-    rig.bridge.estop(rig.now)
-    assert rig.motors.torque is torque
-    rig.run(1 / RATE)
-    assert rig.bridge.state is State.ESTOP
-    if torque:      # braking as hard as the limits allow, from the very next command
-        np.testing.assert_allclose(np.abs(rig.bridge.command_velocity), np.maximum(speed - 20.0 / RATE, 0), atol=1e-6)
-    rig.run(0.5)
-    with pytest.raises(MotionError, match='ESTOP'):
-        rig.wave()
-    rig.bridge.estop_held = True
-    with pytest.raises(UsageError, match='still pressed'):
-        rig.bridge.reset(rig.now)
-    rig.bridge.estop_held = False
-    rig.motors.sent.clear()     # with torque off nothing was sent; it starts anew where the joints are
-    rig.bridge.reset(rig.now)
-    rig.stream(2.0)
-    assert rig.bridge.state is State.STREAMING
-    rig.stays_within_limits()
-
-
-def test_reset_waits_until_the_joints_stand():
-    rig = Rig().stream(2.0)
-    rig.bridge.estop(rig.now)
-    rig.run(1 / RATE)
-    with pytest.raises(UsageError, match='still brake'):
-        rig.bridge.reset(rig.now)
-
-
-def test_a_following_error_is_a_fault_that_names_the_joint():
-    rig = Rig()
-    rig.motors.stuck = 0.1
-    rig.send([1.0], [[0.9, 0.0]])
-    rig.run(1.5)
-    assert rig.bridge.state is State.FAULT and 'hip does not follow' in rig.bridge.reason
-    rig.motors.stuck = None
-    rig.run(0.5)
-    rig.bridge.reset(rig.now)
-    assert rig.bridge.state is State.READY
-
-
-@pytest.mark.parametrize('lost', [True, False])
-def test_a_back_end_fault_latches_and_reset_reconnects(lost):
-    rig = Rig().stream(1.0)
-    rig.motors.fault = BackendFault('servo gone', connection_lost=lost)
-    rig.run(0.1)
-    assert rig.bridge.state is State.FAULT and rig.bridge.reason == 'servo gone'
-    with pytest.raises(BackendFault):
-        rig.bridge.reset(rig.now)
-    assert rig.bridge.state is State.FAULT and 'reset failed' in rig.bridge.reason
-    rig.motors.fault = None
-    rig.bridge.reset(rig.now)
-    assert rig.bridge.state is State.READY and rig.motors.connected == 2
-    rig.stream(2.0)
-    assert rig.bridge.state is State.STREAMING
-
-
-@pytest.mark.parametrize('action', ['brake', 'torque_off'])
-def test_an_emergency_stop_counts_while_a_fault_is_latched(action):
-    """The motors hold with torque in a fault; who presses the button then means it."""
-    rig = Rig(estop_action=action)
-    rig.motors.stuck = 0.1
-    rig.send([1.0], [[0.9, 0.0]])
-    rig.run(1.5)
-    assert rig.bridge.state is State.FAULT and rig.motors.torque
-    rig.bridge.estop(rig.now)
-    rig.run(0.2)
-    assert rig.bridge.state is State.FAULT and 'hip does not follow' in rig.bridge.reason
-    assert rig.motors.torque == (action == 'brake')
-    rig.motors.stuck = None
-    rig.run(0.5)
-    rig.bridge.reset(rig.now)
-    assert rig.bridge.state is State.READY and rig.motors.torque
-
-
-def test_arming_refuses_an_impossible_posture_and_an_unknown_one():
-    rig = Rig(armed=False)
-    rig.motors.posture = np.array([0.0, 1.2])
-    with pytest.raises(UsageError, match=r'knee stands at 1\.200 rad, outside its limits'):
-        rig.bridge.arm(rig.now)
-    assert not rig.motors.torque and rig.bridge.state is State.DISARMED
-    rig.motors.posture = START.copy()
-    rig.motors.answers = False
-    with pytest.raises(UsageError, match='not known'):
-        rig.bridge.arm(rig.now)
-    rig.motors.answers = True
-    rig.bridge.estop_held = True
-    with pytest.raises(UsageError, match='still pressed'):
-        rig.bridge.arm(rig.now)
-
-
 def test_disarming_brakes_first():
     rig = Rig().stream(2.0)
     assert rig.bridge.moving
@@ -401,14 +201,6 @@ def test_targets_that_jump_end_in_a_hold():
     rig.run(0.4)
     assert rig.bridge.state is State.HOLDING and 'hip jumps' in rig.bridge.reason
     rig.stays_within_limits()
-
-
-def fast_wave(rig, frequency, amplitude):
-    """A window of a motion that may ask for more than the joints can do."""
-    times = np.linspace(0, 0.4, 20)
-    angle = frequency * (rig.now + times)[:, None] + [0.0, 1.0]
-    rig.send(times, amplitude * np.sin(angle), amplitude * frequency * np.cos(angle))
-    return amplitude * np.sin(frequency * rig.now + np.array([0.0, 1.0]))
 
 
 @given(frequency=st.floats(5.0, 20.0), amplitude=st.floats(0.3, 0.95), phase=st.floats(0.0, 6.0))
@@ -522,52 +314,3 @@ def test_random_streams_with_random_events_never_leave_the_limits(seed):
                 rig.bridge.reset(rig.now)
         rig.run(float(rng.exponential(0.05)))
     rig.stays_within_limits()
-
-
-def test_the_state_diagram_shows_every_edge():
-    text = mermaid()
-    assert all(event.name.lower() in text for event in Event)
-    assert all(f'{state.name} --> {target.name}' in text for (state, _), target in EDGES.items())
-    reachable = {State.DISARMED}
-    for _ in State:
-        reachable |= {target for (state, _), target in EDGES.items() if state in reachable}
-    assert reachable == set(State)
-
-
-def test_zz_every_edge_of_the_state_table_is_taken():
-    """What the tests above leave out, by the same doors; then all edges have been seen."""
-    def faulty(rig):
-        rig.motors.fault = BackendFault('gone')
-        rig.run(0.05)
-        assert rig.bridge.state is State.FAULT
-        rig.motors.fault = None
-    in_state = {
-        State.READY: Rig, State.RAMPING: lambda: Rig().stream(0.1), State.STREAMING: lambda: Rig().stream(2.0),
-        State.HOLDING: lambda: Rig(input_timeout=0.1).stream(2.0).run(0.5),
-        State.RELAXED: lambda: Rig(input_timeout=0.1, hold_policy='relax', hold_timeout=0.1).stream(2.0).run(0.5),
-        State.ESTOP: lambda: Rig().run(0.1), State.FAULT: lambda: Rig().run(0.1)}
-    for state, make in in_state.items():
-        for event in (Event.ESTOP, Event.FAULT, Event.DISARM):
-            rig = make()
-            if state is State.ESTOP:
-                rig.bridge.estop(rig.now)
-            elif state is State.FAULT:
-                faulty(rig)
-            assert rig.bridge.state is state
-            if event is Event.ESTOP:
-                rig.bridge.estop(rig.now)
-            elif event is Event.FAULT:
-                faulty(rig)
-            else:
-                rig.bridge.disarm(rig.now)
-    rig = Rig(ramp_time=2.0).stream(0.5)
-    rig.run(1.0)
-    assert rig.bridge.state is State.HOLDING
-    rig = Rig(ramp_time=2.0).stream(0.2)
-    now = rig.bridge.command
-    with contextlib.suppress(MotionError):
-        rig.bridge._playback.hold(now)
-    rig.send([0.0, 0.1, 0.101, 0.6], np.array([now, now, now + [0.9, 0.0], now + [0.9, 0.0]]))
-    rig.run(0.4)
-    missing = [f'{state.name} --{event.name}' for state, event in EDGES if (state, event) not in Rig.taken]
-    assert not missing, missing

@@ -226,8 +226,7 @@ def test_a_late_bridge_finds_its_servos_stopped(connected):
     backend, simulator = connected
     backend.enable()
     run(backend, np.full(4, 1.0), 0.1)
-    time.sleep(1.25)    # longer than the watchdog of this fixture
-    assert all(servo['halted'] for servo in simulator.tell('state')['servos'])
+    simulator.until(lambda state: all(servo['halted'] for servo in state['servos']), 10.0)
     fails(backend, 'Bus Watchdog stopped it')
 
 

@@ -85,7 +85,25 @@ def launch(path, arguments, args):
     # at that moment: the end of a process is lost, and the launch waits for it for ever
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, lambda *_: None)
+    end_by_sigterm(service)
     return service.run()
+
+
+def end_by_sigterm(service):
+    """Have SIGTERM end what was launched.
+
+    Nobody installs a handler for it, so it kills the launch alone, and with one launch cancels itself: both leave its
+    processes behind. `shutdown` sends each of them SIGINT and waits for it.
+    """
+    from launch import launch_service
+
+    class Manager(launch_service.AsyncSafeSignalManager):
+        def handle(self, signum, handler):
+            if signum == signal.SIGTERM:
+                return super().handle(signum, lambda _: service.shutdown(force_sync=True))
+            return super().handle(signum, handler)
+    launch_service.AsyncSafeSignalManager = Manager
+    signal.signal(signal.SIGTERM, lambda *_: None)      # so that it reaches the manager's socket
 
 
 def show_arguments(description):
