@@ -53,12 +53,15 @@ class Measurement:
 class Backend(Protocol):
     """A way to the motors.
 
-    ``statistics`` is a dict of counters for diagnostics, ``notes`` a list of warnings found while connecting.
+    ``statistics`` is a dict of counters for diagnostics, ``notes`` a list of warnings found while connecting, ``facts`` a
+    dict of what was found then, ``warnings`` a list of what is about to stop a motor.
     """
 
     measurement: Measurement
     statistics: dict
     notes: list
+    facts: dict
+    warnings: list
 
     def connect(self):
         """Open, check and configure everything; torque is off afterwards. Raises BackendFault or UsageError."""

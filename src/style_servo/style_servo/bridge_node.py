@@ -31,6 +31,7 @@ from style_node.lifecycle import SoundLifecycleNode, transition
 from style_node.ros_parameters import declare, values_of, watch
 from style_node.templates import MessageTemplate
 from style_servo.backend import BackendFault
+from style_servo.backends import BACKENDS
 from style_servo.bridge import Bridge
 from style_servo.bridge_health import CycleTimes, health_of_bridge
 from style_servo.chain import load_chain
@@ -73,7 +74,7 @@ class BridgeNode(SoundLifecycleNode):
         self._values = values = values_of(self, BRIDGE)
         chain = load_chain(self._chain_path(values['chain']))
         self._period = period = 1.0 / values['rate']
-        backend = self._make_backend(chain, values, period)
+        backend = BACKENDS[values['backend']](self, chain, values, period)
         bridge = Bridge(chain, backend, bridge_settings(values))
         try:
             backend.connect()
@@ -114,19 +115,6 @@ class BridgeNode(SoundLifecycleNode):
         except PackageNotFoundError:
             folder = Path.cwd()
         return folder / 'config' / 'servo' / path
-
-    def _make_backend(self, chain, values, period):
-        if values['backend'] == 'ros2_control':
-            from style_servo.ros2_control_backend import Ros2ControlBackend
-            return Ros2ControlBackend(
-                self, chain, period, values['controller'],
-                values['goal_rate'] if values['interface'] == 'action' else None,
-                values['state_timeout'], values['error_run'])
-        from style_servo.dynamixel_backend import BusSettings, DynamixelBackend
-        return DynamixelBackend(chain, BusSettings(
-            port=values['port'], baud=values['baud'], fast_read=values['fast_read'],
-            reply_timeout=values['reply_timeout'], watchdog=values['watchdog'], error_run=values['error_run'],
-            profile_velocity_scale=values['profile_velocity_scale'], reboot=values['reboot_servos']), period)
 
     def _make_interfaces(self, chain):
         self._names = list(chain.names)

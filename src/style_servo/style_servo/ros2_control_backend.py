@@ -44,7 +44,7 @@ class Ros2ControlBackend:
         self._index = {name: i for i, name in enumerate(self._names)}
         self.measurement = Measurement.unknown(len(self._names))
         self.statistics = {'cycles': 0, 'read errors': 0, 'goals sent': 0, 'goals refused': 0}
-        self.notes = []
+        self.notes, self.facts, self.warnings = [], {}, []
         self._seen = np.full(len(self._names), -np.inf)
         self._run = 0
         self._problem = None
