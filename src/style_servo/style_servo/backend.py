@@ -53,8 +53,8 @@ class Measurement:
 class Backend(Protocol):
     """A way to the motors.
 
-    ``statistics`` is a dict of counters for diagnostics, ``notes`` a list of warnings found while connecting, ``facts`` a
-    dict of what was found then, ``warnings`` a list of what is about to stop a motor.
+    ``statistics`` is a dict of counters for diagnostics, ``notes`` a list of warnings found while connecting, ``facts``
+    a dict of what was found then, ``warnings`` a list of what is about to stop a motor.
     """
 
     measurement: Measurement

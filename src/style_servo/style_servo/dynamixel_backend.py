@@ -135,6 +135,7 @@ class DynamixelBus:
             notes.append(f'port {self.port_name}: the adapter waits up to {latency} ms before it hands over replies; '
                          'set its latency timer to 1 ms (docs/dynamixel_wiring.md)')
         self.setup.run(notes, facts)
+        self._make_groups()     # firmware decides where things lie
         self._health.take_limits()
 
     def sleep(self, seconds):
@@ -241,10 +242,11 @@ class DynamixelBus:
             old = [self.servos[i] for i in indices if self.servos[i].firmware < FAST_FIRMWARE]
             if old:
                 versions = ', '.join(f'{servo} has firmware {servo.firmware}' for servo in old)
-                return f'Fast Sync Read needs firmware {FAST_FIRMWARE}, and {versions}: update it, or set fast_read to false'
+                return (f'Fast Sync Read needs firmware {FAST_FIRMWARE}, and {versions}: update it, or set fast_read '
+                        'to false')
             if any(len(replies) == len(ids) for replies in slow):
-                return ('they answer a Sync Read but no Fast Sync Read (firmware '
-                        f'{", ".join(sorted({str(self.servos[i].firmware) for i in indices}))}): set fast_read to false')
+                versions = ', '.join(sorted({str(self.servos[i].firmware) for i in indices}))
+                return f'they answer a Sync Read but no Fast Sync Read (firmware {versions}): set fast_read to false'
         return ('noise on the line, or the replies take longer than the cycle allows (baud rate, latency timer, '
                 'reply_timeout)')
 
@@ -262,7 +264,8 @@ class DynamixelBus:
         outside = np.abs(goals - self._counts) / np.abs(self._per_rad)
         if outside.max() > POSTURE_TOLERANCE:
             i = int(np.argmax(outside))
-            raise BackendFault(f'{self.servos[i]} stands {outside[i]:.3f} rad outside its limits: move it inside by hand')
+            raise BackendFault(f'{self.servos[i]} stands {outside[i]:.3f} rad outside its limits: move it inside by '
+                               'hand')
         # everything goes to all servos in one packet each: a servo that only hears others being spoken to runs into
         # its watchdog
         self._write_all('Bus Watchdog', 0)

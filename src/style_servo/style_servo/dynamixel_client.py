@@ -3,7 +3,8 @@
 A reply carries an ID and a length, and nothing else that tells what it answers. So a reply is believed only if it began
 after its request was sent, comes from a servo that was asked, is a status packet, and has the length asked for; no
 request asks for a length that this servo still owes to an earlier request which it left unanswered; and cyclic requests
-never ask for the same length twice in a row, as a reply may come twice. Everything else is a stray, counted and dropped.
+never ask for the same length twice in a row, as a reply may come twice. Everything else is a stray, counted and
+dropped.
 """
 import struct
 from collections import deque
@@ -177,7 +178,8 @@ class DynamixelClient:
             for servo_id, line, old in self._scanner.feed(data):
                 body = line if servo_id == BROADCAST else unstuff(line)
                 fits = len(body) == expected.get(servo_id) or (
-                    short and len(body) == 2 and body[1] & 0x7F and servo_id in expected and not self._owes(servo_id, 2))
+                    short and len(body) == 2 and body[1] & 0x7F and servo_id in expected
+                    and not self._owes(servo_id, 2))
                 if old or not fits or body[0] != STATUS or servo_id in answers or _cut_off(servo_id, line):
                     self.strays += 1
                 else:

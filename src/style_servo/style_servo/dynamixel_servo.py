@@ -1,4 +1,4 @@
-"""One joint's Dynamixel: its control table, the conversion between joint angle and position value, words for its faults."""
+"""One joint's Dynamixel: its control table, conversion between joint angle and position value, words for its faults."""
 import math
 
 import numpy as np
@@ -11,7 +11,7 @@ __all__ = ['DynamixelServo', 'hardware_errors', 'listed', 'BLOCK', 'BLOCK_FORMAT
 POSITION_MODE = 3
 _HARDWARE = {0x01: 'input voltage', 0x04: 'overheating', 0x08: 'encoder', 0x10: 'electrical shock', 0x20: 'overload'}
 # Read every cycle through the indirect data block, in this order: a small number stands between any two that may be
-# negative, so that no reply holds the pattern FF FF FD, of which the e-manual does not say how a Fast Sync Read treats it.
+# negative, so that no reply holds the pattern FF FF FD, of which nobody says how a Fast Sync Read treats it.
 BLOCK = (('Present Position', 4), ('Torque Enable', 1), ('Present Velocity', 4), ('Hardware Error Status', 1),
          ('Present Current', 2), ('Bus Watchdog', 1))
 BLOCK_FORMAT = np.dtype([('position', '<i4'), ('torque', 'u1'), ('velocity', '<i4'), ('error', 'u1'),
@@ -53,11 +53,7 @@ class DynamixelServo:
         self.model_number = model_named(joint.model)
         self.table = table = control_table(self.model_number)
         self.firmware, self.limits = None, {}
-        for needed in ('Indirect Data 1', 'Bus Watchdog', 'Goal Position', 'Profile Velocity', 'Drive Mode'):
-            if needed not in table:
-                raise UsageError(f'joint {joint.name}: {table.model} has no {needed}, which the bridge needs')
-        if table['Bus Watchdog'].size != 1:
-            raise UsageError(f'joint {joint.name}: the control table of {table.model} is not supported yet')
+        self._check_table()
         ends = sorted((self.counts(joint.lower), self.counts(joint.upper)))
         # towards the inside: a rounded command must not leave the limits
         self.low, self.high = math.ceil(ends[0] - 1e-9), math.floor(ends[1] + 1e-9)
@@ -67,6 +63,20 @@ class DynamixelServo:
             raise UsageError(f'joint {joint.name}: limits {joint.lower:.3f} to {joint.upper:.3f} rad become the '
                              f'position values {self.low} to {self.high}, but {table.model} has {self.turn[0]} to '
                              f'{self.turn[1]}: mend offset, sign or limits')
+
+    def _check_table(self):
+        joint, table = self.joint, self.table
+        for needed in ('Indirect Data 1', 'Bus Watchdog', 'Goal Position', 'Profile Velocity', 'Drive Mode'):
+            if needed not in table:
+                raise UsageError(f'joint {joint.name}: {table.model} has no {needed}, which the bridge needs')
+        if table['Bus Watchdog'].size != 1:
+            raise UsageError(f'joint {joint.name}: the control table of {table.model} is not supported yet')
+
+    def meet(self, firmware):
+        """Take the firmware version that it answers with, and the control table that goes with it."""
+        self.firmware = firmware
+        self.table = control_table(self.model_number, firmware)
+        self._check_table()
 
     def __str__(self):
         return f'joint {self.joint.name} (ID {self.id}, {self.table.model})'

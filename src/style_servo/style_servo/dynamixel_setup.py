@@ -11,6 +11,7 @@ __all__ = ['DynamixelSetup']
 
 TRIES = 5
 REVERSE, SLAVE, TIME_PROFILE, GOAL_SWITCHES_ON = 0x01, 0x02, 0x04, 0x08     # bits of Drive Mode
+MOST_ACCELERATION = 32767       # counts of Profile Acceleration, where no register limits it
 WATCHDOG_FIRMWARE = 38
 HOMING_LIMIT = 1024     # counts; beyond, Position Control Mode ignores the Homing Offset
 
@@ -92,11 +93,11 @@ class DynamixelSetup:
 
     def _check_ping(self, servo, reply):
         number = int.from_bytes(reply.data[:2], 'little')
-        servo.firmware = reply.data[2]
         if number != servo.model_number:
             found = models().get(number, 'unknown model')
             raise BackendFault(f'ID {servo.id} is a {found} (model number {number}), but joint {servo.joint.name} '
                                f'should be a {servo.table.model} ({servo.model_number}): wrong ID or chain file')
+        servo.meet(reply.data[2])
         if servo.table.zero and servo.firmware < WATCHDOG_FIRMWARE:
             raise BackendFault(f'{servo} has firmware {servo.firmware}, which has no Bus Watchdog: it would go on '
                                'pushing if this computer stopped. Update it to '
@@ -138,7 +139,8 @@ class DynamixelSetup:
         settings['Profile Velocity'] = max(1, min(top, math.ceil(speed / table.velocity_unit)))
         # lets the profile reach full speed within the distance of one command: finer than that it would lag
         least = max(joint.acceleration, speed / (2 * self._period))
-        settings['Profile Acceleration'] = min(32767, math.ceil(least / table.acceleration_unit))
+        settings['Profile Acceleration'] = min(self._most_acceleration(servo),
+                                               math.ceil(least / table.acceleration_unit))
         if joint.position_p_gain is not None:
             settings['Position P Gain'] = joint.position_p_gain
         for name, value in settings.items():
@@ -157,6 +159,15 @@ class DynamixelSetup:
         servo.limits = {name: self.read(servo, name) for name in (
             'Temperature Limit', 'Max Voltage Limit', 'Min Voltage Limit', 'Current Limit') if name in table}
 
+    def _most_acceleration(self, servo):
+        if 'Acceleration Limit' not in servo.table:
+            return MOST_ACCELERATION
+        most, unit = self.read(servo, 'Acceleration Limit'), servo.table.acceleration_unit
+        if most * unit < servo.joint.acceleration:
+            self._notes.append(f'{servo}: its Acceleration Limit register allows {most * unit:.1f} rad/s^2, less than '
+                               f'the {servo.joint.acceleration:g} of the chain file; it will lag behind quick commands')
+        return most
+
     def _check_mounting(self, servo):
         """Compare what turns and shifts the servo's scale with the chain file; returns the Drive Mode to write."""
         joint = servo.joint
@@ -167,8 +178,8 @@ class DynamixelSetup:
         if bool(mode & REVERSE) != joint.reverse:
             raise BackendFault(f'{servo}: its Drive Mode ({mode}) says that it turns '
                                f'{"in reverse" if mode & REVERSE else "the normal way"}, the chain file says '
-                               f'reverse: {str(joint.reverse).lower()}. Mend the one that is wrong: the joint would turn '
-                               'the other way')
+                               f'reverse: {str(joint.reverse).lower()}. Mend the one that is wrong: the joint would '
+                               'turn the other way')
         if homing != joint.homing_offset:
             raise BackendFault(f'{servo}: its Homing Offset is {homing}, the chain file says homing_offset: '
                                f'{joint.homing_offset}. Mend the one that is wrong: the joint would stand '

@@ -1,4 +1,4 @@
-"""Dynamixel Protocol 2.0 packets: CRC, byte stuffing, parsing and building. Used by the bridge and the simulated bus."""
+"""Dynamixel Protocol 2.0 packets: CRC, byte stuffing, parsing and building, for the bridge and the simulated bus."""
 
 from style_core.wire.crc16 import crc16
 
@@ -102,8 +102,8 @@ class Parser:
 class StatusScanner:
     """Find whole status packets in a stream that may hold anything.
 
-    Nothing is believed but a packet whose checksum is right: neither a length (a damaged one would swallow what follows)
-    nor a header (a packet that was cut off is followed by the next one).
+    Nothing is believed but a packet whose checksum is right: neither a length (a damaged one would swallow what
+    follows) nor a header (a packet that was cut off is followed by the next one).
     """
 
     def __init__(self):

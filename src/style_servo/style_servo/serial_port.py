@@ -1,4 +1,5 @@
 """A serial device that belongs to one program: opened, locked, and every way to fail put in words."""
+import contextlib
 import errno
 import os
 import select
@@ -99,7 +100,5 @@ class SerialPort:
 
     def close(self):
         """Let go of it. Never raises."""
-        try:
+        with contextlib.suppress(*GONE):
             self._serial.close()
-        except GONE:
-            pass

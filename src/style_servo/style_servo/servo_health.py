@@ -54,5 +54,6 @@ class ServoHealth:
             if voltage >= high - NEAR_V:
                 found.append(f'{servo} has {voltage:.1f} V and shuts down above {high:.1f}')
             if load >= NEAR_LOAD:
-                found.append(f'{servo} has been pushing with {100 * load:.0f} % of what it may: it shuts down by overload')
+                found.append(f'{servo} has been pushing with {100 * load:.0f} % of what it may, and shuts down by '
+                             'overload')
         return found
