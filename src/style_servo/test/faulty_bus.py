@@ -96,6 +96,7 @@ class FaultyBus:
         self.random = random.Random(seed)
         self.baud, self.likely = baud, likely
         self.spoiling = False
+        self.latency = 0.0          # of the adapter, s: every reply comes so much later
         self.kinds = KINDS
         self.now = 0.0
         self.request = 0            # number of the last request for positions
@@ -147,6 +148,9 @@ class FaultyBus:
             for k in range(4, len(parameters), 1 + length):
                 self._write(self.servos[parameters[k]], address, parameters[k + 1:k + 1 + length])
         elif instruction in (SYNC_READ, FAST_SYNC_READ):
+            if instruction == FAST_SYNC_READ and any(one.memory[6] < 45 for one in self.servos.values()):
+                self.whole = {}
+                return      # older firmware does not know it
             self._read_many(parameters, instruction == FAST_SYNC_READ)
         elif servo is not None:
             data = b''
@@ -193,7 +197,7 @@ class FaultyBus:
 
     def _put(self, delay, data, intact=0):
         self._serial += 1
-        heapq.heappush(self._queue, (self.now + delay, self._serial, data, intact))
+        heapq.heappush(self._queue, (self.now + delay + self.latency, self._serial, data, intact))
 
     def _reply(self, start, asked, data):
         """Put a reply on the line after ``start`` s, perhaps spoilt; returns the time that it takes, s.
