@@ -10,7 +10,8 @@ rustypot = pytest.importorskip('rustypot', reason='rustypot is not installed (re
 
 # rustypot's name -> the manufacturer's, where capitals alone do not tell
 NAMES = {'id': 'ID', 'led': 'LED', 'secondary_id': 'Secondary(Shadow) ID', 'pwm_limit': 'PWM Limit',
-         'goal_pwm': 'Goal PWM', 'present_pwm': 'Present PWM', 'pwm_slope': 'PWM Slope', 'feedforward_2nd_gain': 'Feedforward 2nd Gain',
+         'goal_pwm': 'Goal PWM', 'present_pwm': 'Present PWM', 'pwm_slope': 'PWM Slope',
+         'feedforward_2nd_gain': 'Feedforward 2nd Gain',
          'feedforward_1st_gain': 'Feedforward 1st Gain'}
 TIMEOUT = 0.5       # s, for a simulator that shares the processor
 
