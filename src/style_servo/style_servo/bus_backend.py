@@ -139,7 +139,7 @@ class BusBackend:
 
     # --- every cycle --------------------------------------------------------------------------------------------
 
-    def exchange(self, position, velocity, stop=None):
+    def exchange(self, position, velocity, coming=None):
         """Send goal positions and read the servos back; see Backend.exchange."""
         self._cycle(position)
 

@@ -213,16 +213,14 @@ class DynamixelBus:
 
     def explain_silence(self, what):
         """Say which servos are missing, or what else is wrong. Quick: the Bus Watchdogs of the others run on."""
-        answered, lost = [], []
-        for servo in self.servos:
-            item = servo.table['ID']
-            # a patient question, so that a slow adapter is not taken for a servo that is gone
-            found = any(self.client.read(servo.id, item.address, 1) is not None for _ in range(2))
-            (answered if found else lost).append(servo)
-            if len(lost) == 3 and not answered:
-                break       # nobody there; every further one would cost its time-out
-        if not answered:
-            return BackendFault(f'{what}: no servo answers any more; check power and cable', True)
+        # two questions of different lengths: a late reply to the first is not taken for that to the second
+        lost = [servo for servo in self.servos if all(
+            self.client.glance(servo.id, servo.table['ID'].address, length) is None for length in (1, 2))]
+        if len(lost) == len(self.servos):
+            # patiently, so that a slow adapter is not taken for servos that are gone
+            if all(self.client.ping(servo.id) is None for servo in self.servos[:2]):
+                return BackendFault(f'{what}: no servo answers any more; check power and cable', True)
+            lost = []
         if lost:
             verb = 'no longer answers' if len(lost) == 1 else 'no longer answer'
             return BackendFault(f'{what}: {listed(lost)} {verb}, the others do')

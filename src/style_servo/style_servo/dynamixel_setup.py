@@ -145,8 +145,9 @@ class DynamixelSetup:
             settings['Position P Gain'] = joint.position_p_gain
         for name, value in settings.items():
             value &= (1 << 8 * table[name].size) - 1        # as the bytes read, without a sign
-            if self.read(servo, name) != value:        # spares the EEPROM
-                self.write(servo, name, value)
+            if self.read(servo, name) == value:        # spares the EEPROM
+                continue
+            self.write(servo, name, value)
             found = self.read(servo, name)
             if found != value:
                 raise BackendFault(f'{servo}: {name} is {found} after writing {value}')

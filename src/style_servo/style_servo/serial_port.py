@@ -71,13 +71,13 @@ class SerialPort:
 
     def receive(self, until):
         """What has come in, as soon as there is anything; b'' if nothing has by the time ``until`` (s). Raises GONE."""
-        ready, _, _ = select.select((self._file,), (), (), max(0.0, until - time.monotonic()))
-        if not ready:
-            return b''
-        data = os.read(self._file, 4096)
-        if not data:
-            raise OSError(errno.EIO, 'the port hung up')
-        return data
+        while select.select((self._file,), (), (), max(0.0, until - time.monotonic()))[0]:
+            with contextlib.suppress(BlockingIOError):      # it only looked ready
+                data = os.read(self._file, 4096)
+                if not data:
+                    raise OSError(errno.EIO, 'the port hung up')
+                return data
+        return b''
 
     @staticmethod
     def time():
