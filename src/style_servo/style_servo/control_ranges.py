@@ -154,8 +154,11 @@ def _p_series(amperage, acceleration, most_acceleration, speed, position, most_p
 _PH42 = _p_series(4500, 10765, 4306173, 2920, 303454, 303750, (502, 1332, 879))
 _PM54_060 = _p_series(7980, 11145, 4457932, 2830, 251173, 251417, (813, 2265, 502))
 _PH54_200 = _p_series(22740, 9982, 3992644, 2900, 501433, 501923, (2209, 6153, 314), 52)
-_PM42 = _p_series(1461, 10639, 4255632, 2600, 262931, 263187, (502, 1332, 879))
-# beginning of a model's name -> what differs from _X; the longest that fits holds
+_PM42 = _p_series(4500, 10765, 4306173, 2920, 262931, 263187, (502, 1332, 879))
+_XC430 = {**_NO_CURRENT, **_voltage(60, 160), **_top(460), **_gains(1920, 100, 460)}
+_XH430 = {**_current(648), **_top(130), **_gains(1920, 100, 900)}
+# Beginning of a model's name -> what differs from _X; the longest that fits holds. Models whose pages were not read
+# (see PAGES) have the numbers of the nearest relative whose page was.
 _MODELS = {
     'XL330': {**_X330, **_current(1750), **_top(445, 2047), 'Shutdown': Rule(initial=53), **_gains(1600, 180, 400),
               **_voltage(31, 70, 35)},
@@ -165,22 +168,20 @@ _MODELS = {
               **_gains(1000, 100, 640, 4000)},
     '2XL430': {**_NO_CURRENT, **_voltage(60, 140), **_top(265), 'Temperature Limit': Rule(low=0, high=100, initial=72),
                **_gains(1000, 100, 640, 4000)},
-    'XC430': {**_NO_CURRENT, **_voltage(60, 160), **_top(306)},
-    '2XC430': {**_NO_CURRENT, **_voltage(60, 160), **_top(306)},
+    'XC430': _XC430, '2XC430': _XC430,
     'XM430-W350': {**_current(1193), **_top(200)},
     'XM430-W210': {**_current(1193), **_top(330)},
-    'XH430-W350': {**_current(648), **_top(135)},
-    'XH430-W210': {**_current(648), **_top(210)},
+    'XH430-W': _XH430, 'XD430': _XH430,
     'XH430-V': {**_voltage(110, 300), **_current(689), **_top(135)},
-    'XD430': {**_current(648), **_top(135)},
     'XW430': {**_current(1193), **_top(200)},
     'XM540': {**_DUAL, **_current(2047), **_top(128)},
     'XH540': {**_DUAL, **_current(2047), **_top(128)},
     'XH540-V': {**_DUAL, **_voltage(110, 300), **_current(2047), **_top(230)},
     'XD540': {**_DUAL, **_current(2047), **_top(128)},
     'XW540': {**_current(2047), **_top(167)},
-    'MX-28': {**_NO_CURRENT, 'Drive Mode': Rule(values=_bits(0x05), initial=0), **_top(230), **_gains(1920, 50, 850)},
-    'MX-64': {**_current(1941), 'Drive Mode': Rule(values=_bits(0x05), initial=0), **_top(285),
+    'MX-28': {**_NO_CURRENT, 'Drive Mode': Rule(values=_bits(0x05), initial=0), **_top(210),
+              **_gains(1920, 100, 850)},
+    'MX-64': {**_current(2047), 'Drive Mode': Rule(values=_bits(0x05), initial=0), **_top(210),
               **_gains(1920, 100, 850)},
     'MX-106': {**_current(2047), 'Drive Mode': Rule(values=_bits(0x07), initial=0), **_top(210),
                **_gains(1920, 100, 850)},
@@ -189,9 +190,9 @@ _MODELS = {
 }
 
 
-#: Models whose pages were read item by item; others take what their family has in common.
-PAGES = ('XL330-M288', 'XC330-T288', 'XL430-W250', 'XM430-W350', 'XH430-V350', 'XM540-W270', 'XH540-V150', 'XW540-T260',
-         'MX-106', 'PH42-020-S300', 'PM54-060-S250', 'PH54-200-S500')
+#: Models whose pages were read item by item.
+PAGES = ('XL330-M288', 'XC330-T288', 'XL430-W250', 'XC430-W150', 'XM430-W350', 'XM430-W210', 'XH430-W350', 'XH430-V350',
+         'XM540-W270', 'XH540-V150', 'XW540-T260', 'MX-106', 'PH42-020-S300', 'PM54-060-S250', 'PH54-200-S500')
 
 
 @cache

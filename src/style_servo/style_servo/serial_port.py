@@ -16,7 +16,7 @@ __all__ = ['SerialPort', 'GONE', 'BAUD_RATES']
 GONE = (OSError, termios.error)         # serial.SerialException is an OSError
 #: Speeds that servos of any series can be set to, bits a second.
 BAUD_RATES = (9600, 57600, 115200, 1000000, 2000000, 3000000, 4000000, 4500000, 6000000, 10500000)
-WRITE_S = 0.2       # an adapter that takes no bytes for this long is as good as gone
+WRITE_S = 1.0       # an adapter that takes no bytes for this long is as good as gone
 
 _WORDS = {
     errno.ENOENT: 'there is no such device: is the adapter plugged in, and is the name right?',
@@ -53,7 +53,7 @@ class SerialPort:
                                f'{", ".join(map(str, BAUD_RATES))}', True)
         try:
             # exclusive: pyserial takes the lock first of all
-            self._serial = serial.Serial(name, baud, timeout=0, write_timeout=WRITE_S, exclusive=True)
+            self._serial = serial.Serial(name, baud, timeout=0, exclusive=True)
         except ValueError as error:
             raise BackendFault(f'{where}: {error}', True) from None
         except GONE as error:
@@ -67,7 +67,13 @@ class SerialPort:
 
     def send(self, data):
         """Send bytes. Raises one of GONE."""
-        self._serial.write(data)
+        left = memoryview(data)
+        while left:
+            try:
+                left = left[os.write(self._file, left):]
+            except BlockingIOError:
+                if not select.select((), (self._file,), (), WRITE_S)[1]:
+                    raise OSError(errno.EIO, 'it takes no bytes') from None
 
     def receive(self, until):
         """What has come in, as soon as there is anything; b'' if nothing has by the time ``until`` (s). Raises GONE."""
