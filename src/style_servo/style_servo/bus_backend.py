@@ -11,11 +11,11 @@ import numpy as np
 from style_servo.backend import BackendFault, Measurement
 from style_servo.serial_port import GONE
 
-__all__ = ['Bus', 'BusBackend', 'TRIES']
+__all__ = ['Bus', 'BusBackend']
 
 log = logging.getLogger(__name__)
 
-TRIES = 5               # to read all joints where a fault would end everything
+TRIES = 20              # to read all joints where a fault would end everything
 AGREE = 4               # readings in a row that must agree before torque comes on
 STILL_RAD = 0.01        # within which a still joint's readings lie
 LOOK_EVERY_S = 0.005    # between those readings: a joint that passes at 0.7 rad/s is not still

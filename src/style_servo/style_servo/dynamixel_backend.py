@@ -7,7 +7,7 @@ import numpy as np
 
 from style_core.errors import UsageError
 from style_servo.backend import BackendFault
-from style_servo.bus_backend import TRIES, BusBackend
+from style_servo.bus_backend import BusBackend
 from style_servo.dynamixel_client import DynamixelClient
 from style_servo.dynamixel_servo import BLOCK_FORMAT, DynamixelServo, hardware_errors, listed
 from style_servo.dynamixel_setup import DynamixelSetup
@@ -19,6 +19,7 @@ __all__ = ['DynamixelBackend', 'DynamixelBus', 'BusSettings']
 log = logging.getLogger(__name__)
 
 FAST_FIRMWARE = 45      # of the X series; the first that knows Fast Sync Read
+WRITES = 5              # of the first goals, which get no replies
 POSTURE_TOLERANCE = 0.05        # rad that a joint may stand outside its limits when torque comes on
 
 
@@ -267,7 +268,7 @@ class DynamixelBus:
         # everything goes to all servos in one packet each: a servo that only hears others being spoken to runs into
         # its watchdog
         self._write_all('Bus Watchdog', 0)
-        for _ in range(TRIES):
+        for _ in range(WRITES):
             self._write_goals(goals)
             wrong = [(servo, goal, found) for servo, goal in zip(self.servos, goals)
                      if (found := self.setup.read(servo, 'Goal Position', signed=True)) != goal]

@@ -53,7 +53,8 @@ class DynamixelClient:
         self._port, self._baud, self._timeout = port, baud, reply_timeout
         self._scanner = StatusScanner()
         self._last = {}             # address -> length asked for last
-        self._owed = {}             # (ID, length of the status packet's body) -> until when that reply may come
+        # (ID, length of the status packet's body) -> until when that reply may come, and whether it was asked again
+        self._owed = {}
         self._delays = deque(maxlen=50)
         self.strays = self.garbled = 0
 
@@ -65,18 +66,18 @@ class DynamixelClient:
 
     # --- single servos: patient ---------------------------------------------------------------------------------
 
-    def ping(self, servo_id):
+    def ping(self, servo_id, patience=PATIENCE_S):
         """Reply with model number (2 bytes) and firmware version, or None."""
         # however late, it says the same
-        return self._single(servo_id, bytes((Instruction.PING,)), 3, tolerant=True)
+        return self._single(servo_id, bytes((Instruction.PING,)), 3, patience, tolerant=True)
 
-    def read(self, servo_id, address, length):
+    def read(self, servo_id, address, length, patience=PATIENCE_S):
         """Reply with ``length`` bytes from ``address`` on, or None."""
-        return self._single(servo_id, struct.pack('<BHH', Instruction.READ, address, length), length)
+        return self._single(servo_id, struct.pack('<BHH', Instruction.READ, address, length), length, patience)
 
-    def write(self, servo_id, address, data):
+    def write(self, servo_id, address, data, patience=PATIENCE_S):
         """Reply to writing, or None."""
-        return self._single(servo_id, struct.pack('<BH', Instruction.WRITE, address) + data, 0)
+        return self._single(servo_id, struct.pack('<BH', Instruction.WRITE, address) + data, 0, patience)
 
     def reboot(self, servo_id):
         """Reply to a reboot, or None."""
@@ -149,7 +150,7 @@ class DynamixelClient:
     # --- the line -----------------------------------------------------------------------------------------------
 
     def _owes(self, servo_id, size):
-        return self._port.time() < self._owed.get((servo_id, size), 0.0)
+        return (servo_id, size) in self._owed and self._port.time() < self._owed[servo_id, size][0]
 
     def _drain(self, quiet=0.0):
         """Take what has come, until nothing does for ``quiet`` s: it answers nothing that will be asked."""
@@ -189,9 +190,12 @@ class DynamixelClient:
                     break       # a line that babbles for ever
                 last = True     # what came in time is taken, even if this program was late
         self.garbled += heard and len(answers) < len(expected)
-        for servo_id, size in expected.items():
-            if servo_id not in answers:
-                self._owed[servo_id, size] = port.time() + FORGET_S
+        for one in expected.items():
+            if one[0] not in answers:
+                self._owed[one] = port.time() + FORGET_S, False
+            elif not self._owed.pop(one, (0.0, True))[1]:
+                # asked again: if this was the late answer, that to the last question is still to come
+                self._owed[one] = port.time() + FORGET_S, True
         return answers
 
 

@@ -4,6 +4,7 @@ import struct
 
 from style_servo.backend import BackendFault
 from style_servo.control_table import models
+from style_servo.dynamixel_client import PATIENCE_S
 from style_servo.dynamixel_servo import POSITION_MODE, hardware_errors, listed
 from style_servo.packets import ERROR_WORDS, Error
 
@@ -42,12 +43,17 @@ class DynamixelSetup:
 
     # --- single items -------------------------------------------------------------------------------------------
 
-    def _insist(self, servo, what, call):
-        for _ in range(TRIES):
-            reply = call()
+    def _patiently(self, call):
+        """Call with more and more patience (s) until a reply comes; None if none does."""
+        for k in range(TRIES):
+            reply = call(PATIENCE_S * 2**k)
             if reply is not None:
-                break
-        else:
+                return reply
+        return None
+
+    def _insist(self, servo, what, call):
+        reply = self._patiently(call)
+        if reply is None:
             raise BackendFault(f'{servo}: {what}: no reply to {TRIES} requests')
         if reply.error:
             raise BackendFault(f'{servo} refuses {what}: {ERROR_WORDS.get(reply.error, f"error {reply.error}")}')
@@ -56,14 +62,16 @@ class DynamixelSetup:
     def read(self, servo, name, signed=False):
         """Value of an item."""
         item = servo.table[name]
-        reply = self._insist(servo, name, lambda: self._client.read(servo.id, item.address, item.size))
+        reply = self._insist(servo, name, lambda patience: self._client.read(
+            servo.id, item.address, item.size, patience))
         return int.from_bytes(reply.data, 'little', signed=signed)
 
     def write(self, servo, name, value):
         """Write an item."""
         item = servo.table[name]
         data = (int(value) & (1 << 8 * item.size) - 1).to_bytes(item.size, 'little')
-        self._insist(servo, name, lambda: self._client.write(servo.id, item.address, data))
+        self._insist(servo, name, lambda patience: self._client.write(
+            servo.id, item.address, data, patience))
 
     # --- finding ------------------------------------------------------------------------------------------------
 
@@ -72,11 +80,8 @@ class DynamixelSetup:
         failed, garbled = [], []
         for servo in self._servos:
             strange = self._client.garbled
-            for _ in range(TRIES):
-                reply = self._client.ping(servo.id)
-                if reply is not None:
-                    break
-            else:
+            reply = self._patiently(lambda patience, servo=servo: self._client.ping(servo.id, patience))
+            if reply is None:
                 failed.append(servo)
                 if self._client.garbled > strange:
                     garbled.append(servo)
@@ -153,8 +158,9 @@ class DynamixelSetup:
                 raise BackendFault(f'{servo}: {name} is {found} after writing {value}')
         cells = servo.block_cells()
         data, first = struct.pack(f'<{len(cells)}H', *cells), table['Indirect Address 1'].address
-        self._insist(servo, 'Indirect Addresses', lambda: self._client.write(servo.id, first, data))
-        found = self._insist(servo, 'Indirect Addresses', lambda: self._client.read(servo.id, first, len(data)))
+        self._insist(servo, 'Indirect Addresses', lambda patience: self._client.write(servo.id, first, data, patience))
+        found = self._insist(servo, 'Indirect Addresses', lambda patience: self._client.read(
+            servo.id, first, len(data), patience))
         if found.data != data:
             raise BackendFault(f'{servo}: the indirect addresses did not take')
         servo.limits = {name: self.read(servo, name) for name in (

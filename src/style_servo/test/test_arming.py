@@ -59,7 +59,7 @@ def test_a_bridge_that_does_not_own_the_port_sends_not_one_byte():
 
 def test_a_second_bridge_leaves_the_running_robot_standing(simulate):
     simulator = simulate('--servos', f'1-4:{MODEL}')
-    first = backend_for(simulator, joints(4), watchdog=1.0)
+    first = backend_for(simulator, joints(4), watchdog=2.5, error_run=1000)
     first.connect()
     first.enable()
     second = backend_for(simulator, joints(4), baud=57600)
@@ -164,7 +164,7 @@ def test_a_reversed_servo_turns_its_joint_the_way_the_chain_file_says(simulate):
     simulator = simulate('--servos', f'1:{MODEL}')
     simulator.tell('set', id=1, item='Drive Mode', value=1)
     simulator.tell('reboot', id=1)      # it counts in the new direction from then on
-    backend = backend_for(simulator, joints(1, reverse=True, sign=-1), watchdog=1.0)
+    backend = backend_for(simulator, joints(1, reverse=True, sign=-1), watchdog=2.5, error_run=1000)
     for _ in range(10):
         with contextlib.suppress(BackendFault):     # it is silent while it starts
             backend.connect()
@@ -258,7 +258,7 @@ def test_no_number_of_another_packet_is_shown_as_a_goal(seed):
     ({'do': 'set', 'id': 1, 'item': 'Present Input Voltage', 'value': 158}, ('joint_1', '15.8 V', 'above 16.0'))])
 def test_a_servo_about_to_shut_down_is_told_in_time(simulate, upset, words):
     simulator = simulate('--servos', f'1-2:{MODEL}')
-    backend = backend_for(simulator, joints(2), watchdog=1.0)
+    backend = backend_for(simulator, joints(2), watchdog=2.5, error_run=1000)
     backend.connect()
     backend.enable()
     assert backend.warnings == []
@@ -276,7 +276,7 @@ def test_a_servo_about_to_shut_down_is_told_in_time(simulate, upset, words):
 
 def test_a_servo_that_pushes_hard_is_told_before_it_overloads(simulate):
     simulator = simulate('--servos', f'1-2:{MODEL}')
-    backend = backend_for(simulator, joints(2), watchdog=1.0)
+    backend = backend_for(simulator, joints(2), watchdog=2.5, error_run=1000)
     backend.connect()
     backend.enable()
     backend.bus._health.feel(np.array([0.0, 3.2]))
