@@ -12,7 +12,7 @@ setup(
     maintainer_email='style-motion@example.org',
     packages=find_packages(include=[NAME, NAME + '.*']),
     python_requires='>=3.10',
-    install_requires=['numpy>=1.21,<3', 'style_core', 'dynamixel-sdk>=4.1', 'pyyaml'],
+    install_requires=['numpy>=1.21,<3', 'style_core', 'dynamixel-sdk>=4.1', 'pyserial', 'pyyaml'],
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + NAME]),
         ('share/' + NAME, ['package.xml']),

@@ -69,13 +69,16 @@ class Coming(NamedTuple):
 class Backend(Protocol):
     """A way to the motors.
 
-    ``statistics`` is a dict of counters for diagnostics, ``notes`` a list of warnings found while connecting. One whose
-    commands need a while to reach the motors has a ``lead``: commands are made so long before their time, s.
+    ``statistics`` is a dict of counters for diagnostics, ``notes`` a list of warnings found while connecting, ``facts``
+    a dict of what was found then, ``warnings`` a list of what is about to stop a motor. One whose commands need a while
+    to reach the motors has a ``lead``: commands are made so long before their time, s.
     """
 
     measurement: Measurement
     statistics: dict
     notes: list
+    facts: dict
+    warnings: list
 
     def connect(self):
         """Open, check and configure everything; torque is off afterwards. Raises BackendFault or UsageError."""

@@ -85,7 +85,10 @@ def health_of_bridge(bridge, times, flood, now):
         if np.isfinite(measurement.temperature[i]):
             facts[f'{name}: temperature (deg C), voltage (V), effort'] = (
                 f'{measurement.temperature[i]:.0f}, {measurement.voltage[i]:.1f}, {measurement.effort[i]:.3f}')
+    facts.update(backend.facts)
     facts.update({f'note {k + 1}': note for k, note in enumerate(backend.notes)})
+    warnings = backend.warnings
+    facts.update({f'warning {k + 1}': warning for k, warning in enumerate(warnings)})
     state = bridge.state
     if state in (State.FAULT, State.ESTOP):
         return Health(ERROR, f'{state.name}: {bridge.reason}', facts)
@@ -96,6 +99,8 @@ def health_of_bridge(bridge, times, flood, now):
     if lag is not None and state in (State.RAMPING, State.STREAMING):
         return Health(WARN, f'{state.name}, but {lag[0]} lags {lag[1]:.2f} rad behind: the trajectory asks for more '
                             'than its limits', facts)
+    if warnings:
+        return Health(WARN, f'{state.name}, but {warnings[0]}', facts)
     return Health(OK, state.name, facts)
 
 

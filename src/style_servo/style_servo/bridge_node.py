@@ -33,6 +33,7 @@ from style_node.qos import overrides
 from style_node.ros_parameters import declare, values_of, watch
 from style_node.templates import MessageTemplate
 from style_servo.backend import BackendFault
+from style_servo.backends import BACKENDS
 from style_servo.bridge import Bridge
 from style_servo.bridge_health import CycleTimes, health_of_bridge, with_the_rest
 from style_servo.chain import load_chain
@@ -114,7 +115,7 @@ class BridgeNode(SoundLifecycleNode):
         chain = load_chain(self._chain_path(values['chain']))
         path = record_path(values['record_folder'], values['record']) if values['record'] else None
         self._period = period = 1.0 / values['rate']
-        backend = self._make_backend(chain, values, period)
+        backend = BACKENDS[values['backend']](self, chain, values, period)
         try:
             self._bring_up(chain, backend, path)
         except BaseException:
@@ -166,19 +167,6 @@ class BridgeNode(SoundLifecycleNode):
         except PackageNotFoundError:
             folder = Path.cwd()
         return folder / 'config' / 'servo' / path
-
-    def _make_backend(self, chain, values, period):
-        if values['backend'] == 'ros2_control':
-            from style_servo.ros2_control_backend import Ros2ControlBackend
-            return Ros2ControlBackend(
-                self, chain, period, values['controller'],
-                values['goal_rate'] if values['interface'] == 'action' else None,
-                values['state_timeout'], values['error_run'], values['transport_time'], values['start_wait'])
-        from style_servo.dynamixel_backend import BusSettings, DynamixelBackend
-        return DynamixelBackend(chain, BusSettings(
-            port=values['port'], baud=values['baud'], fast_read=values['fast_read'],
-            reply_timeout=values['reply_timeout'], watchdog=values['watchdog'], error_run=values['error_run'],
-            profile_velocity_scale=values['profile_velocity_scale'], reboot=values['reboot_servos']), period)
 
     def _make_interfaces(self, chain):
         self._names = list(chain.names)

@@ -35,6 +35,10 @@ class Joint:
         +1 or -1: whether servo and joint turn the same way.
     offset : float
         Servo angle at joint angle 0, rad from the middle of the servo's range.
+    reverse : bool
+        Whether the servo's Drive Mode turns its scale round; checked, not written.
+    homing_offset : int
+        Of the servo, position values; checked, not written.
     position_p_gain : int, optional
         Position P gain to write; the servo's own if not given.
     """
@@ -50,6 +54,8 @@ class Joint:
     model: str = ''
     sign: int = 1
     offset: float = 0.0
+    reverse: bool = False
+    homing_offset: int = 0
     position_p_gain: Optional[int] = None
 
 
@@ -78,7 +84,8 @@ class Chain:
 
 _NUMBERS = {'lower': 'rad', 'upper': 'rad', 'velocity': 'rad/s', 'acceleration': 'rad/s^2', 'discontinuity': 'rad',
             'following_error': 'rad', 'offset': 'rad'}
-_WHOLE = {'id': (0, 252), 'sign': (-1, 1), 'position_p_gain': (0, 16383)}
+_WHOLE = {'id': (0, 252), 'sign': (-1, 1), 'position_p_gain': (0, 16383),
+          'homing_offset': (-1044479, 1044479)}
 
 
 def load_chain(path):
@@ -127,6 +134,8 @@ def _joint(path, name, values):
     for key, (low, high) in _WHOLE.items():
         if values.get(key) is not None and not (type(values[key]) is int and low <= values[key] <= high):
             raise UsageError(f'{where}: {key} must be a whole number from {low} to {high}, not {values[key]!r}')
+    if not isinstance(values.get('reverse', False), bool):
+        raise UsageError(f'{where}: reverse must be true or false, not {values["reverse"]!r}')
     joint = Joint(name=name, **values)
     if joint.sign == 0:
         raise UsageError(f'{where}: sign must be 1 or -1')

@@ -94,9 +94,12 @@ def model_named(name):
     raise UsageError(f'unknown Dynamixel model {name!r}; known: {", ".join(sorted(models().values()))}')
 
 
+NEW_X330_FIRMWARE = 52      # moved the indirect data of XL330 and XC330
+
+
 @cache
-def control_table(model_number):
-    """The control table of a model number.
+def control_table(model_number, firmware=0):
+    """The control table of a model number and firmware version.
 
     Raises
     ------
@@ -106,8 +109,12 @@ def control_table(model_number):
     if model_number not in models():
         raise UsageError(f'dynamixel-sdk has no control table for model number {model_number}')
     model = models()[model_number]
+    name = model.lower().replace('-', '_')
+    file = _folder() / f'{name}_fw{NEW_X330_FIRMWARE}.model'
+    if firmware < NEW_X330_FIRMWARE or not file.is_file():
+        file = _folder() / f'{name}.model'
     section, info, units, items = '', {}, {}, {}
-    for line in (_folder() / (model.lower().replace('-', '_') + '.model')).read_text('utf-8').splitlines():
+    for line in file.read_text('utf-8').splitlines():
         fields = line.strip().split('\t')
         if line.startswith('['):
             section, first = line.strip(), True
@@ -125,11 +132,16 @@ def control_table(model_number):
     # 4096 positions a turn are 0..4095; the other families count both ends
     turn = high - low + (1 if info['value_of_zero_radian_position'] else 0)
     x_series = model.startswith(('X', '2X', 'MX'))
-    current = None
-    if 'Present Current' in items:
-        current = 0.00336 if model.startswith('MX') else 0.00269 if x_series else 0.001
-        if model.startswith(('XL330', 'XC330')):
-            current = 0.001
+    current = _current_unit(model) if 'Present Current' in items else None
     return ControlTable(model_number, model, items, int(info['value_of_zero_radian_position']),
                         2 * math.pi / turn, units['Present Velocity'],
                         (214.577 if x_series else 1.0) * _REV_MIN2, current)
+
+
+def _current_unit(model):
+    """A of one count of Present Current, from the manufacturer's documentation."""
+    if model.startswith('MX'):
+        return 0.00336
+    if model.startswith('XH430-V'):
+        return 0.00134
+    return 0.001 if model.startswith(('XL330', 'XC330')) or not model.startswith(('X', '2X')) else 0.00269

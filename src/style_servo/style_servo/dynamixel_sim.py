@@ -17,13 +17,16 @@ Commands ("id" left out means every servo):
     {"do": "block", "id", "on": true}      the horn is held fast
     {"do": "reboot", "id"}                 power dip: RAM lost, torque off
     {"do": "place", "id", "radians": 3.1}  turn the horn by hand (torque off), from position value 0
+    {"do": "set", "id", "item": "Drive Mode", "value": 1}   a register, without any check
     {"do": "unplug"}, {"do": "plug"}       the adapter goes and comes back (the link is renewed)
     {"do": "state"}                        positions, torque, errors, instructions counted
     {"do": "stop"}                         end the program
 """
 import argparse
+import bisect
 import contextlib
 import fcntl
+import itertools
 import json
 import os
 import select
@@ -70,7 +73,7 @@ class PtyBus:
         self._parser = Parser()
         self._last_byte = 0.0
         self._looked, self._forgiven = time.monotonic(), 0.0
-        self._pending = []
+        self._pending, self._serial = [], itertools.count()
         self._silent = set()
         self._master = None
         self._stop = False
@@ -150,7 +153,7 @@ class PtyBus:
         if self._master in ready:
             self._receive(now)
         while self._pending and self._pending[0][0] <= time.monotonic():
-            self._send(self._pending.pop(0)[1])
+            self._send(self._pending.pop(0)[2])
         self.bus.advance(now)       # what has passed since then is judged when it is known whether it was a delay
         for source in ready:
             if source is self._control:
@@ -170,11 +173,11 @@ class PtyBus:
         for servo_id, instruction, parameters, crc_ok in self._parser.feed(data):
             if self._silent:
                 self._hush(now)
-            self._pending.clear()       # a client that speaks has stopped listening to older replies
             lead = 10.0 * (10 + len(parameters)) / (self._baud() or 1e6) if self.bus.true_timing else 0.0
             for reply in self.bus.handle(servo_id, instruction, parameters, crc_ok, now, self._baud()):
                 if reply.delay + lead > 0:
-                    self._pending.append((now + lead + reply.delay, reply.data))
+                    # late ones come late, whatever the client says meanwhile
+                    bisect.insort(self._pending, (now + lead + reply.delay, next(self._serial), reply.data))
                 else:
                     self._send(reply.data)
 
@@ -225,6 +228,10 @@ class PtyBus:
         elif do in ('heat', 'block', 'place'):
             for servo in servos:
                 self._disturb(do, self.bus.servos.index(servo), **options)
+        elif do == 'set':
+            for servo in servos:
+                servo.table[options['item']]
+                servo.set(options['item'], options['value'])
         elif do == 'reboot':
             for servo in servos:
                 servo.reboot(now)

@@ -2,6 +2,7 @@
 from dataclasses import fields
 
 from style_node.parameter_table import Parameter, ParameterTable
+from style_servo.backends import BACKENDS
 from style_servo.bridge import BridgeSettings
 
 __all__ = ['BRIDGE', 'bridge_settings']
@@ -16,7 +17,7 @@ def _of_bridge(name, text, unit='', lower=None, upper=None, choices=()):
 BRIDGE = ParameterTable((
     Parameter('chain', '', 'Chain file: joints, their limits and their servos; absolute, or the name of one in '
               'config/servo', live=False),
-    Parameter('backend', 'dynamixel', 'What moves the joints', choices=('dynamixel', 'ros2_control'), live=False),
+    Parameter('backend', 'dynamixel', 'What moves the joints', choices=tuple(BACKENDS), live=False),
     _of_bridge('rate', 'Commands a second', 'Hz', 10.0, 1000.0),
     # input
     _of_bridge('input_timeout', 'A stream (trajectories that end moving) without a new trajectory for longer is stale; '

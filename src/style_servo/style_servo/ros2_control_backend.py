@@ -80,7 +80,7 @@ class Ros2ControlBackend:
         self.measurement = Measurement.unknown(len(self._names))
         self.statistics = {'cycles': 0, 'read errors': 0, 'goals sent': 0, 'goals refused': 0,
                            'unreadable joint states': 0, 'unreadable reports': 0}
-        self.notes = []
+        self.notes, self.facts, self.warnings = [], {}, []
         self._seen = np.full(len(self._names), -np.inf)
         self._run = 0
         self._problem, self._refused = None, 0

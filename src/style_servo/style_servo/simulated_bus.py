@@ -8,6 +8,8 @@ from style_servo.simulated_servo import SimulatedServo
 
 __all__ = ['SimulatedBus', 'Reply']
 
+EVERYTHING = 0xFF       # option of a Factory Reset
+
 
 @dataclass
 class Reply:
@@ -136,7 +138,7 @@ class SimulatedBus:
                 continue
             # taken before the instruction changes them
             own_id, level, goal = servo.id, servo.level, servo.get('Goal Position')
-            answer = self._single(servo, instruction, parameters, now)
+            answer = self._single(servo, instruction, parameters, now, everyone)
             if servo.get('Goal Position') != goal:
                 goals[own_id] = servo.get('Goal Position')
             needed = {Instruction.PING: 0, Instruction.READ: 1}.get(instruction, 2)
@@ -148,7 +150,7 @@ class SimulatedBus:
             return self._in_turn(sorted(answers, key=lambda answer: answer[0]))
         return self._together(answers)
 
-    def _single(self, servo, instruction, parameters, now):
+    def _single(self, servo, instruction, parameters, now, everyone=False):
         """(error, data) of an instruction for one servo, None for one without an answer."""
         if instruction == Instruction.PING:
             return 0, servo.get('Model Number').to_bytes(2, 'little') + bytes((servo.get('Firmware Version'),))
@@ -166,7 +168,7 @@ class SimulatedBus:
             return 0, b''
         if instruction == Instruction.ACTION:
             if servo.registered is None:
-                return 0, b''
+                return Error.INSTRUCTION, b''
             address, data = servo.registered
             servo.registered = None
             servo.set('Registered Instruction', 0)
@@ -177,6 +179,8 @@ class SimulatedBus:
         if instruction == Instruction.FACTORY_RESET:
             if len(parameters) != 1:
                 return Error.DATA_LENGTH, b''
+            if everyone and parameters[0] == EVERYTHING:
+                return Error.RESULT_FAIL, b''      # would give all servos of a chain one ID
             return 0 if servo.factory_reset(parameters[0], now) else Error.DATA_RANGE, b''
         if instruction == Instruction.CLEAR:
             if parameters != b'\x01\x44\x58\x4c\x22':
@@ -200,7 +204,7 @@ class SimulatedBus:
         fast = instruction in (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ)
         answers = []
         for servo_id, address, length in wanted:
-            servos = [s for s in by_id.get(servo_id, ()) if s.level >= 1]
+            servos = [s for s in by_id.get(servo_id, ()) if s.level >= 1 and s.knows(instruction)]
             if not servos:
                 break       # every servo waits for the one before it in the list
             error, data = servos[0].read(address, length, now)

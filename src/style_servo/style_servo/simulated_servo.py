@@ -1,8 +1,9 @@
 """One simulated Dynamixel: its memory, what may be written, and what each item does."""
 import math
 
+from style_servo.control_ranges import rules
 from style_servo.control_table import BAUD_RATES, control_table
-from style_servo.packets import Error
+from style_servo.packets import Error, Instruction
 from style_servo.simulated_motion import OVERLOAD_AFTER_S
 
 __all__ = ['SimulatedServo', 'HARDWARE_ERRORS']
@@ -10,44 +11,17 @@ __all__ = ['SimulatedServo', 'HARDWARE_ERRORS']
 #: Bits of Hardware Error Status.
 HARDWARE_ERRORS = {'voltage': 0x01, 'overheating': 0x04, 'encoder': 0x08, 'shock': 0x10, 'overload': 0x20}
 
-# factory settings of the X series where nothing more special is known
-_FACTORY = {'Firmware Version': 48, 'ID': 1, 'Baud Rate': 1, 'Return Delay Time': 250, 'Operating Mode': 3,
-            'Secondary(Shadow) ID': 255, 'Protocol Type': 2, 'Moving Threshold': 10, 'Temperature Limit': 80,
-            'Max Voltage Limit': 160, 'Min Voltage Limit': 95, 'PWM Limit': 885, 'Current Limit': 1193,
-            'Acceleration Limit': 32767, 'Velocity Limit': 200, 'Max Position Limit': 4095, 'Shutdown': 52,
-            'Status Return Level': 2, 'Velocity I Gain': 1920, 'Velocity P Gain': 100, 'Position P Gain': 800,
-            'Goal PWM': 885, 'Present Input Voltage': 120}
-_SPECIAL = {
-    'XL430': {'Temperature Limit': 72, 'Max Voltage Limit': 140, 'Min Voltage Limit': 60, 'Velocity Limit': 265},
-    'XL330': {'Temperature Limit': 70, 'Max Voltage Limit': 70, 'Min Voltage Limit': 35, 'Current Limit': 1750,
-              'Velocity Limit': 445, 'Shutdown': 53, 'Present Input Voltage': 50},
-    'XC330': {'Temperature Limit': 70, 'Max Voltage Limit': 160, 'Min Voltage Limit': 35, 'Current Limit': 910,
-              'Velocity Limit': 445, 'Shutdown': 53},
-    'XM540': {'Current Limit': 2047, 'Velocity Limit': 128},
-    'XH540': {'Current Limit': 2047, 'Velocity Limit': 128},
-    'XH430': {'Current Limit': 648, 'Velocity Limit': 280},
-    'PH54': {'Max Position Limit': 501433, 'Min Position Limit': -501433, 'Velocity Limit': 2900},
-    'PH42': {'Max Position Limit': 303454, 'Min Position Limit': -303454, 'Velocity Limit': 2920},
-    # rounded: enough to be driven
-    'PM54': {'Max Position Limit': 251173, 'Min Position Limit': -251173, 'Velocity Limit': 2800},
-    'PM42': {'Max Position Limit': 262931, 'Min Position Limit': -262931, 'Velocity Limit': 2600},
-    'H54': {'Max Position Limit': 501433, 'Min Position Limit': -501433, 'Velocity Limit': 2900},
-    'H42': {'Max Position Limit': 303454, 'Min Position Limit': -303454, 'Velocity Limit': 2600},
-    'M54': {'Max Position Limit': 250961, 'Min Position Limit': -250961, 'Velocity Limit': 2800},
-    'M42': {'Max Position Limit': 262931, 'Min Position Limit': -262931, 'Velocity Limit': 2600},
-}
-_READ_ONLY = {'Model Number', 'Model Information', 'Firmware Version', 'Registered Instruction', 'Realtime Tick',
-              'Hardware Error Status', 'Moving', 'Moving Status', 'Velocity Trajectory', 'Position Trajectory',
-              'Backup Ready', 'Controller State', 'Error Code'}
-_SIGNED = {'Homing Offset', 'Goal PWM', 'Goal Current', 'Goal Velocity', 'Goal Position', 'Max Position Limit',
-           'Min Position Limit', 'Bus Watchdog'}
+FIRMWARE = {'XL330': 52, 'XC330': 52}       # of a new servo; others FIRMWARE_ELSE
+FIRMWARE_ELSE = 48
+WATCHDOG_FIRMWARE, FAST_FIRMWARE = 38, 45       # the first that know Bus Watchdog, and Fast Sync Read
+VOLTAGE = {'XL330': 50, 'XH430-V': 240, 'XH540-V': 240}     # of the supply, 0.1 V; others 12 V, P series 24 V
 _GOALS = {'Goal PWM', 'Goal Current', 'Goal Velocity', 'Goal Position'}
 # asked for at every packet: kept as attributes beside the memory
 _CACHED = {'ID': 'id', 'Baud Rate': 'baud', 'Status Return Level': 'level', 'Bus Watchdog': 'watchdog',
            'Hardware Error Status': 'errors', 'Temperature Limit': 'hottest', 'Homing Offset': 'homing',
            'Secondary(Shadow) ID': 'shadow_id', 'Return Delay Time': 'return_delay', 'Torque Enable': 'torque',
-           'Operating Mode': 'mode', 'Min Position Limit': 'low', 'Max Position Limit': 'high',
-           'Current Limit': 'most_current'}
+           'Operating Mode': 'mode', 'Firmware Version': 'firmware', 'Min Position Limit': 'low',
+           'Max Position Limit': 'high', 'Current Limit': 'most_current'}
 # what the motion decides: value of the item for servo, motion, index and time
 _LIVE = {
     'Present Position': lambda s, m, i, now: s.counts(m.position.item(i)),
@@ -64,6 +38,9 @@ _LIVE = {
         | 0x02 * bool(abs(m.profile_velocity.item(i)) > 1e-6)),
     'Realtime Tick': lambda s, m, i, now: int(1000 * (now - s.power_up)) % 32768}
 VELOCITY_MODE, POSITION_MODE = 1, 3
+TORQUE_ON_BY_GOAL = 0x08        # of Drive Mode
+HOMING_LIMIT = 1024             # position values; beyond, Position Control Mode ignores the Homing Offset
+MOST_TURNS = 1048575            # position values, in the modes with many turns
 REBOOT_S = 0.2
 
 
@@ -82,29 +59,30 @@ class SimulatedServo:
     """
 
     def __init__(self, servo_id, model_number, motion, index, baud=57600):
-        self.table = table = control_table(model_number)
-        if 'Indirect Data 1' not in table:
+        model = control_table(model_number).model
+        firmware = _of_model(FIRMWARE, model, FIRMWARE_ELSE)
+        self.table = table = control_table(model_number, firmware)
+        self.rules = rules(model_number, firmware)
+        if 'Indirect Data 1' not in table or not self.rules:
             raise ValueError(f'{table.model} has an older kind of control table that is not simulated')
         self._motion, self._i = motion, index
-        self._size = max(item.address + item.size for item in table.items.values()) + 64
+        self._size = 1 + max(item.address + item.size for item in table.items.values()) + 128
         self._memory = bytearray(self._size)
         self._at = {item.address: item for item in table.items.values() if not item.name.startswith('Indirect')}
         self._indirect = self._indirect_map()
         self._address_cells = {cell + k for cell in self._indirect.values() for k in (0, 1)}
-        self._eeprom_end = min(table['Torque Enable'].address, table['Indirect Address 1'].address
-                               if table['Indirect Address 1'].address < table['Torque Enable'].address else 10**6)
+        self._eeprom_end = table['Torque Enable'].address
         self._owner = [None] * self._size
         for item in self._at.values():
             self._owner[item.address:item.address + item.size] = [item] * item.size
         self.registered = None
         self.awake_at = -math.inf
         self.power_up = self._last_heard = 0.0
-        self._factory = dict(_FACTORY)
-        for prefix, values in _SPECIAL.items():
-            if table.model.startswith(prefix):
-                self._factory.update(values)
-        self._factory.update({'Model Number': model_number})
-        self.sign = 1
+        self._factory = {name: rule.initial for name, rule in self.rules.items() if rule.initial is not None}
+        self._factory.update({
+            'Model Number': model_number, 'Firmware Version': firmware,
+            'Present Input Voltage': _of_model(VOLTAGE, model, 120 if table.zero else 240)})
+        self.sign, self._shift = 1, 0
         self._plans = {}
         for attribute in _CACHED.values():
             setattr(self, attribute, 0)
@@ -125,12 +103,16 @@ class SimulatedServo:
             cells.update({data + k: first + 2 * k for k in range(28)})
         return {cell: address for cell, address in cells.items() if cell < self._size}
 
+    def _signed(self, name):
+        rule = self.rules.get(name)
+        return rule is not None and rule.signed
+
     # --- memory -------------------------------------------------------------------------------------------------
 
     def get(self, name):
         """Value of an item by name."""
         item = self.table[name]
-        return int.from_bytes(self._memory[item.address:item.address + item.size], 'little', signed=name in _SIGNED)
+        return int.from_bytes(self._memory[item.address:item.address + item.size], 'little', signed=self._signed(name))
 
     def set(self, name, value):
         """Set an item by name without any check, if the model has it."""
@@ -154,17 +136,23 @@ class SimulatedServo:
         self._memory = bytearray(self._size)
         for name, value in {**dict.fromkeys(_CACHED, 0), **self._factory, **kept}.items():
             self.set(name, value)
+        self._forget_indirect(0)
         self._clear_ram()
+
+    def _forget_indirect(self, first):
+        """Indirect addresses from ``first`` on show their own data again."""
+        for cell, address in self._indirect.items():
+            if address >= first:
+                self._memory[address:address + 2] = cell.to_bytes(2, 'little')
+            self._memory[cell] = 0
+        self._plans.clear()
 
     def _clear_ram(self):
         """What power-up does: EEPROM stays, RAM starts at its initial values, torque off."""
         for item in self._at.values():
             if item.address >= self._eeprom_end:
                 self.set(item.name, self._factory.get(item.name, 0))
-        for cell, address in self._indirect.items():
-            self._memory[address:address + 2] = cell.to_bytes(2, 'little')
-            self._memory[cell] = 0
-        self._plans.clear()
+        self._forget_indirect(self._eeprom_end)
         for name, limit in (('Goal PWM', 'PWM Limit'), ('Goal Current', 'Current Limit')):
             if name in self.table:
                 self.set(name, self.get(limit))
@@ -174,8 +162,27 @@ class SimulatedServo:
         motion.overloaded[i] = 0.0
         motion.velocity_mode[i] = self.mode == VELOCITY_MODE
         motion.stop_profile(i)
+        self._count_within_a_turn()
         self.set('Goal Position', self.counts(motion.position[i]))
         self.registered = None
+
+    def _count_within_a_turn(self):
+        """What the encoder knows after power-up, and what counts when torque comes on in Position Control Mode."""
+        turn = round(2 * math.pi / self.table.position_unit)
+        half = 0 if self.table.zero else turn // 2      # the P series counts from the middle
+        raw = round(self.sign * self._motion.position[self._i] / self.table.position_unit)
+        self._shift = -turn * ((raw + half) // turn)
+
+    def knows(self, instruction):
+        """Whether its firmware knows an instruction."""
+        return (instruction not in (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ) or not self.table.zero
+                or self.firmware >= FAST_FIRMWARE)
+
+    @property
+    def _offset(self):
+        """Position values between what the encoder counts and what is shown."""
+        ignored = self.table.zero and self.mode == POSITION_MODE and abs(self.homing) > HOMING_LIMIT
+        return self._shift + (0 if ignored else self.homing)
 
     def reboot(self, now):
         """Power-up: silent for a moment, RAM at its initial values."""
@@ -229,7 +236,7 @@ class SimulatedServo:
 
     def counts(self, radians):
         """Position value shown for a horn angle."""
-        return round(self.sign * radians / self.table.position_unit) + self.homing
+        return round(self.sign * radians / self.table.position_unit) + self._offset
 
     def _refresh(self, names, now):
         """Bring what the motion decides up to date, as far as it is asked for."""
@@ -263,7 +270,7 @@ class SimulatedServo:
 
     def read(self, address, length, now):
         """``(error, bytes)``: the error is 0 or a protocol error, then the bytes are empty."""
-        if length == 0 or address + length > self._size:
+        if length == 0 or not self._defined(address) or address + length > self._size:
             return Error.ACCESS, b''
         plan = self._plans.get((address, length))
         if plan is None:
@@ -272,9 +279,18 @@ class SimulatedServo:
         self._refresh(names, now)
         return 0, b''.join([bytes(self._memory[first:last]) for first, last in runs])
 
+    def _defined(self, address):
+        """Whether something lies at an address. Gaps within a longer read show 0: the e-manual is silent there."""
+        if address >= self._size:
+            return False
+        item = self._owner[address]
+        if item is None:
+            return address in self._indirect or address in self._address_cells
+        return item.name != 'Bus Watchdog' or not self.table.zero or self.firmware >= WATCHDOG_FIRMWARE
+
     def write(self, address, data):
         """Write; returns 0 or a protocol error. Nothing is written when any item refuses."""
-        if not data or address + len(data) > self._size:
+        if not data or address + len(data) > self._size or not self._defined(address):
             return Error.ACCESS
         item = self._owner[address]
         if item is not None and item.address == address and item.size == len(data):     # the usual case
@@ -292,9 +308,12 @@ class SimulatedServo:
             if where is not None:
                 cells[self._memory[where] | self._memory[where + 1] << 8] = data[k]
                 k += 1
-            elif self._is_indirect_address(cell):
-                direct.append((cell, data[k:k + 1]))
-                k += 1
+            elif cell in self._address_cells:
+                error = self._refuse_address(cell, data[k:k + 2])
+                if error:
+                    return error
+                direct.append((cell, data[k:k + 2]))
+                k += 2
             else:
                 item = self._owner[cell]
                 if item is None:
@@ -326,57 +345,58 @@ class SimulatedServo:
                 self._plans.clear()     # an indirect address may have changed
         return 0
 
-    def _is_indirect_address(self, cell):
-        return cell in self._address_cells
+    def _refuse_address(self, cell, part):
+        """Why an indirect address may not be written."""
+        if cell not in self._indirect.values() or len(part) < 2:
+            return Error.DATA_LENGTH
+        if cell < self._eeprom_end and self.torque:
+            return Error.ACCESS
+        return 0 if self.rules['Indirect Address'].allows(int.from_bytes(part, 'little')) else Error.DATA_RANGE
 
     def _refusal(self, item, part):
         """Why a value may not be written: 0 or a protocol error."""
         name = item.name
-        if name in _READ_ONLY or name.startswith(('Present', 'Error Code')):
+        rule = self.rules.get(name)
+        if rule is None or not rule.writable:
             return Error.ACCESS
         if item.address < self._eeprom_end and self.torque:
             return Error.ACCESS
-        value = int.from_bytes(part, 'little', signed=name in _SIGNED)
+        value = int.from_bytes(part, 'little', signed=rule.signed)
         if name in _GOALS and self.watchdog == -1:
+            return Error.DATA_RANGE
+        if not rule.allows(value):
             return Error.DATA_RANGE
         if name == 'Torque Enable' and value and self.alert and (
                 'Shutdown' not in self.table or self.get('Shutdown') & self.get('Hardware Error Status')):
             return Error.RESULT_FAIL
-        if name == 'Bus Watchdog':
-            return 0 if 0 <= value <= 127 else Error.DATA_RANGE
-        limits = self._range(name)
-        if limits and not limits[0] <= value <= limits[1]:
-            return Error.DATA_LIMIT if name in _GOALS else Error.DATA_RANGE
-        return 0
-
-    def _range(self, name):
         if name == 'Goal Position':
             if self.mode == POSITION_MODE:
-                return self.low, self.high
-            return -1048575, 1048575
-        symmetric = {'Goal Velocity': 'Velocity Limit', 'Goal Current': 'Current Limit', 'Goal PWM': 'PWM Limit'}
-        if name in symmetric and symmetric[name] in self.table:
-            limit = self.get(symmetric[name])
-            return -limit, limit
-        if name in ('Min Position Limit', 'Max Position Limit') and self.table.zero:
-            return 0, 4095
-        return {'ID': (0, 252), 'Baud Rate': (0, len(BAUD_RATES) - 1), 'Return Delay Time': (0, 254),
-                'Status Return Level': (0, 2), 'Torque Enable': (0, 1), 'Profile Velocity': (0, 32767),
-                'Profile Acceleration': (0, 32767), 'Temperature Limit': (0, 100)}.get(name) or (
-            {'Operating Mode': (0, 16)}.get(name) if self.table.zero else None)
+                return 0 if self.low <= value <= self.high else Error.DATA_LIMIT
+            return 0 if not self.table.zero or abs(value) <= MOST_TURNS else Error.DATA_RANGE
+        if rule.limit is not None:
+            most = self.get(rule.limit)
+            return 0 if (-most if rule.signed else 0) <= value <= most else Error.DATA_LIMIT
+        return 0
 
     def _apply(self, name):
         """Effect of a write on the motion."""
         motion, i, table = self._motion, self._i, self.table
         value = self.get(name)
         if name == 'Torque Enable':
-            if value and not motion.torque[i]:
+            comes_on = value and not motion.torque[i]
+            motion.torque[i] = bool(value)
+            if comes_on:
+                if self.mode == POSITION_MODE:
+                    self._count_within_a_turn()
                 # the stored goal stays: a client that does not write it first makes the horn move
                 motion.stop_profile(i)
                 self._apply('Goal Position')
-            motion.torque[i] = bool(value)
         elif name == 'Goal Position':
-            motion.goal[i] = self.sign * (value - self.homing) * table.position_unit
+            if self.get('Drive Mode') & TORQUE_ON_BY_GOAL and not motion.torque[i]:
+                self.set('Torque Enable', 1)
+                self._apply('Torque Enable')
+                self.set('Goal Position', value)
+            motion.goal[i] = self.sign * (value - self._offset) * table.position_unit
         elif name == 'Goal Velocity':
             motion.goal_velocity[i] = self.sign * value * table.velocity_unit
         elif name == 'Profile Velocity':
@@ -393,6 +413,13 @@ class SimulatedServo:
         motion, i = self._motion, self._i
         if abs(motion.velocity[i]) > 0.05:
             return False
-        motion.position[i] = math.remainder(motion.position[i] - math.pi, 2 * math.pi) + math.pi
+        self._count_within_a_turn()
+        self.set('Goal Position', self.counts(motion.position[i]))
         motion.stop_profile(i)
         return True
+
+
+def _of_model(values, model, otherwise):
+    """Value of the longest beginning of a model's name."""
+    fitting = [prefix for prefix in values if model.startswith(prefix)]
+    return values[max(fitting, key=len)] if fitting else otherwise

@@ -16,7 +16,7 @@ class IdealMotors:
 
     def __init__(self):
         self.measurement = Measurement.unknown(2)
-        self.statistics, self.notes = {}, []
+        self.statistics, self.notes, self.facts, self.warnings = {}, [], {}, []
         self.posture = START.copy()
         self.sent = []
         self.torque = False

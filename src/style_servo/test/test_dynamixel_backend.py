@@ -85,18 +85,18 @@ def test_the_p_series_with_its_large_position_values(simulate, model):
     backend.enable()
     np.testing.assert_allclose(run(backend, np.array([0.5, 0.7]), 1.5), [0.5, 0.7], atol=0.004)
     np.testing.assert_allclose(run(backend, np.array([-tricky, 0.7]), 1.5), [-tricky, 0.7], atol=0.004)
-    assert simulator.servo(1)['goal'] == -131072 and simulator.servo(2)['goal'] > 0
-    assert backend.statistics['write errors'] == 0 and simulator.servo(1)['torque']
+    assert simulator.servo(1)['goal'] == -131073 and simulator.servo(2)['goal'] > 0
+    assert simulator.servo(1)['torque']
     backend.close()
 
 
 def test_settings_are_written_and_spare_the_eeprom(connected):
     backend, simulator = connected
-    servo = backend._servos[0]
+    servo, read = backend.bus.servos[0], backend.bus.setup.read
     unit = control_table(model_named(MODEL))
-    assert backend._read(servo, 'Profile Velocity') * unit.velocity_unit >= 3.0
-    assert backend._read(servo, 'Profile Acceleration') * unit.acceleration_unit >= 20.0
-    low, high = backend._read(servo, 'Min Position Limit'), backend._read(servo, 'Max Position Limit')
+    assert read(servo, 'Profile Velocity') * unit.velocity_unit >= 3.0
+    assert read(servo, 'Profile Acceleration') * unit.acceleration_unit >= 20.0
+    low, high = read(servo, 'Min Position Limit'), read(servo, 'Max Position Limit')
     assert (low - 2048) * unit.position_unit >= -2.0 and (high - 2048) * unit.position_unit <= 2.0
     before = simulator.tell('state')['instructions']['WRITE']
     backend.connect()
@@ -137,27 +137,19 @@ def test_single_errors_are_counted_and_tolerated(connected):
     assert backend.statistics['read errors'] > before
 
 
-def test_a_late_reply_is_not_taken_for_the_next_one(connected):
-    """The SDK's fast sync read fails with an IndexError on another servo's late status packet."""
-    backend, simulator = connected
+@pytest.mark.parametrize('fast_read', [True, False])
+def test_late_replies_on_a_real_port(simulate, fast_read):
+    """Replies that come during later requests: no exception, and never the number of another packet."""
+    simulator = simulate('--servos', f'1-4:{MODEL}')
+    backend = backend_for(simulator, joints(4), watchdog=1.0, fast_read=fast_read, error_run=1000)
+    backend.connect()
     backend.enable()
-    simulator.tell('delay', id=1, seconds=0.03)
-    item = backend._servos[0].table['Present Position']
-    backend._packets.readTx(backend._port, 1, item.address, 4)
-    backend._port.is_using = False
-    time.sleep(0.025)
-    before = backend.statistics['read errors']
-    original = backend._packets.txPacket
-
-    def late(port, packet):     # the packet is on its way when the late reply comes in
-        result = original(port, packet)
-        time.sleep(0.02)
-        return result
-    backend._packets.txPacket = late
-    backend.observe()
-    backend._packets.txPacket = original
-    assert backend.statistics['read errors'] - before <= 1
-    run(backend, np.zeros(4), 0.1)
+    simulator.tell('delay', id=2, seconds=0.03, count=-1, probability=0.3)
+    run(backend, np.full(4, 0.3), 2.0)
+    simulator.tell('clear')
+    assert backend.statistics['read errors'] > 10 and backend.statistics['stray replies'] > 10
+    np.testing.assert_allclose(run(backend, np.full(4, 0.3), 0.3), 0.3, atol=0.01)
+    backend.close()
 
 
 def fails(backend, *words, seconds=2.0):
@@ -204,7 +196,7 @@ def test_a_rebooted_servo(connected):
     backend.enable()
     run(backend, np.zeros(4), 0.05)
     simulator.tell('reboot', id=4)
-    backend._settings = patient(simulator, error_run=1000)      # it is silent while it starts
+    backend._error_run = 1000      # it is silent while it starts
     fails(backend, 'joint_4 (ID 4', 'rebooted')
 
 
@@ -217,7 +209,7 @@ def test_hardware_errors(connected, kind, words):
     fails(backend, 'joint_2', words)
     with pytest.raises(BackendFault, match=f'stands in a hardware error: {words}'):
         backend.connect()
-    backend._settings = patient(simulator, reboot=True)
+    backend.bus.settings = patient(simulator, reboot=True)
     backend.connect()
     assert any('was rebooted' in note for note in backend.notes)
 
@@ -277,6 +269,11 @@ def test_a_wrong_model(simulate):
 def test_two_servos_with_one_id(simulate):
     simulator = simulate('--servos', '1:XM430-W350,2:XM430-W350,2:XM430-W350')
     refuses(backend_for(simulator, joints(2)), 'joint_2 (ID 2', 'two servos share that ID')
+
+
+def test_two_servos_with_one_id_and_no_other(simulate):
+    simulator = simulate('--servos', '2:XM430-W350,2:XM430-W350')
+    refuses(backend_for(simulator, joints(2)[1:]), 'joint_2 (ID 2', 'garbled;', 'two servos share that ID')
 
 
 def test_a_missing_servo(simulate):
