@@ -453,14 +453,16 @@ class Bridge:
         self.target[:] = self.command
         self._noted(now)
 
-    def _noted(self, now):
-        """Remember the command for ``now``, and show it to who looks on."""
+    def _noted(self, at):
+        """Remember the command for ``at``, and show it to who looks on."""
         self._foresight.note()
+        self._trace(at - self._lead)
+
+    def _trace(self, now):
         if self.trace is None:
             return
         try:
-            self.trace(now - self._lead, self.state, self.target, self.command, self.backend.measurement.position,
-                       self.playing)
+            self.trace(now, self.state, self.target, self.command, self.backend.measurement.position, self.playing)
         except Exception:       # who looks on may not keep a command from being sent
             self.trace = None
             self.counts['internal errors'] += 1
