@@ -8,6 +8,7 @@ from style_core.errors import ModelError
 from style_core.locomotion.features import FeatureMap
 from style_core.locomotion.personal import Personal
 from style_core.model_file import load_model, save_model
+from style_core.model_schema import check_model
 
 __all__ = ['KIND', 'LocomotionModel', 'save', 'load', 'from_arrays']
 
@@ -145,32 +146,12 @@ def from_arrays(header, arrays):
     Raises
     ------
     ModelError
-        If an entry is missing or shapes do not fit each other.
+        If an entry is missing, cannot be right, or shapes do not fit each other.
     """
-    try:
-        model = LocomotionModel(
-            FeatureMap(tuple(header['joint_names']), tuple(header['units'])), float(header['rate_hz']),
-            smoothing=float(header['smoothing']), coupling=float(header['coupling']),
-            personal=Personal(*(np.asarray(arrays[f'personal_{name}'], dtype=float) for name in _PERSONAL)),
-            style_names=tuple(header['style_names']), recordings=tuple(header['recordings']),
-            **{name: np.asarray(arrays[name], dtype=float) for name in _ARRAYS})
-    except KeyError as missing:
-        raise ModelError(f'the locomotion model lacks {missing}') from None
-    shape = model.mean.shape
-    if len(shape) != 3:
-        raise ModelError(f'the cycles of a locomotion model have shape (C, M, F), not {shape}')
-    n_styles, n_positions, n_features = shape
-    expected = {'variance': shape, 'noise': (n_styles, n_features), 'parent': (n_positions, n_features),
-                'scale': (n_features,), 'dwell': (n_styles, n_positions),
-                'weights': (n_styles,), 'labels': (len(model.recordings), n_styles)}
-    for name, size in expected.items():
-        if getattr(model, name).shape != size:
-            raise ModelError(f'{name} of the locomotion model has shape {getattr(model, name).shape}, not {size}')
-    if any(value.shape != (n_features,) or not np.isfinite(value).all() for value in vars(model.personal).values()):
-        raise ModelError('the departures of the locomotion model do not fit its features')
-    if n_features != len(model.joint_names) or len(model.style_names) != n_styles or model.jumps.shape[0] != n_styles:
-        raise ModelError('the locomotion model\'s names do not fit its arrays')
-    if not all(np.isfinite(getattr(model, name)).all() for name in _ARRAYS) or (model.noise <= 0).any() \
-            or (model.jumps <= 0).any():
-        raise ModelError('the locomotion model holds values that cannot be right (not finite, or not positive)')
-    return model
+    check_model(KIND, header, arrays)
+    return LocomotionModel(
+        FeatureMap(tuple(header['joint_names']), tuple(header['units'])), float(header['rate_hz']),
+        smoothing=float(header['smoothing']), coupling=float(header['coupling']),
+        personal=Personal(*(np.asarray(arrays[f'personal_{name}'], dtype=float) for name in _PERSONAL)),
+        style_names=tuple(header['style_names']), recordings=tuple(header['recordings']),
+        **{name: np.asarray(arrays[name], dtype=float) for name in _ARRAYS})
