@@ -10,7 +10,8 @@ from style_core.errors import ModelError, MotionError
 from style_core.formats.files import replacing
 from style_core.model_schema import check_model
 
-__all__ = ['FORMAT_VERSION', 'save_model', 'load_model', 'read_header', 'write_archive', 'training_files', 'was_trained_on']
+__all__ = ['FORMAT_VERSION', 'save_model', 'load_model', 'read_header', 'write_archive', 'training_files',
+           'was_trained_on']
 
 FORMAT_VERSION = 1
 _HEADER = 'header_json'

@@ -1,4 +1,4 @@
-"""What the file of every kind of model must hold: names, numbers, shapes and ranges, checked before it is used or written.
+"""What the file of every kind of model must hold: names, numbers, shapes and ranges.
 
 A shape is written in letters, as in the docstrings: ``'C M F'``. A letter means one size throughout a file; sizes that
 names give (D joints) are known from the start. A kind without an entry here is checked for what all kinds share.
@@ -58,9 +58,8 @@ class _Contents:
             raise ModelError(f'{where} must be a list of names')
         if different and len(set(value)) != len(value):
             raise ModelError(f'{where} holds a name twice')
-        if size is not None:
-            if self.sizes.setdefault(size, len(value)) != len(value):
-                raise ModelError(f'{where} are {len(value)}, but there are {self.sizes[size]}')
+        if size is not None and self.sizes.setdefault(size, len(value)) != len(value):
+            raise ModelError(f'{where} are {len(value)}, but there are {self.sizes[size]}')
 
 
 def check_model(kind, header, arrays):
@@ -83,8 +82,6 @@ def check_model(kind, header, arrays):
         for name, array in arrays.items():
             if array.dtype.kind not in 'fiub':
                 raise ModelError(f'{name} is not numeric')
-            if array.dtype.kind == 'f' and not np.isfinite(array).all():
-                raise ModelError(f'{name} is not finite')
         if 'units' in header:
             contents.names('units', 'D', different=False)
             if set(header['units']) - {'rad', 'm'}:
@@ -93,6 +90,9 @@ def check_model(kind, header, arrays):
             contents.number('rate_hz', above=0)
         if kind in KINDS:
             KINDS[kind](contents)
+        for name, array in arrays.items():
+            if array.dtype.kind == 'f' and not np.isfinite(array).all():
+                raise ModelError(f'{name} is not finite')
     except (ModelError, KeyError, TypeError, AttributeError) as error:
         raise ModelError(f'incomplete or damaged {kind} model: {error}') from None
 
@@ -212,8 +212,8 @@ def _phase_style(one):
             if name.startswith('residual.') and isinstance(entry[name], (int, float)):
                 one.number(name, within=(entry, f'{name} of {where}'), least=0)
         for name, shape, limits in _BEHAVIOUR:
-            one.array(f'{index}.{name}', ' '.join(word if word in 'D234' else f'{word}{index}' for word in shape.split()),
-                      needed=name in _NEEDED, **limits)
+            own = ' '.join(word if word in 'D234' else f'{word}{index}' for word in shape.split())
+            one.array(f'{index}.{name}', own, needed=name in _NEEDED, **limits)
         grid = one.arrays[f'{index}.phase_grid']
         if len(grid) < 2 or not (np.diff(grid) > 0).all():
             raise ModelError(f'the phases of {where} do not increase')

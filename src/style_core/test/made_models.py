@@ -44,8 +44,9 @@ def make_models(folder):
     for gait in gaits:
         write_motion(gait, folder / f'{gait.name}.csv')
         files.append(str(folder / f'{gait.name}.csv'))
-    for name, more in (('phase-style', []), ('phase-style_histories', ['--histories'])):
-        assert main(['train', 'phase-style', *files, '--styles', '2', '-o', str(folder / f'{name}.npz'), *more]) == 0
+    with_recordings = folder / 'phase-style_histories.npz'
+    assert main(['train', 'phase-style', *files, '--styles', '2', '-o', str(with_recordings), '--histories']) == 0
+    phase_style.save_behaviours(folder / 'phase-style.npz', phase_style.load_parts(with_recordings)[0], files)
     locomotion.save(locomotion.learn(gaits, 1, restarts=1), folder / 'locomotion.npz')
     style_machine.save(style_machine.learn(recordings['style-machine'][0], FAST, leading=3, dof=2),
                        folder / 'style-machine.npz')

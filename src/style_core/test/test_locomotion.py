@@ -251,9 +251,6 @@ def test_predictor_keeps_going_without_sensors_and_refuses_nonsense(learned):
     with pytest.raises(ValueError, match='horizons'):
         predictor.predict(np.array([-1.0]))
     assert predictor.predict(np.zeros(0)).mean.shape == (0, 6)
-    predictor.reset()
-    with pytest.raises(ValueError, match='first update'):
-        predictor.predict(np.array([0.1]))
 
 
 def test_an_absent_joint_equals_a_masked_one(learned):

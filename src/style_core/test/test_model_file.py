@@ -152,7 +152,7 @@ def test_a_model_knows_the_files_it_was_trained_on(tmp_path):
         (tmp_path / name).write_text(name)
     header = {'training_files': model_file.training_files([tmp_path / 'a.csv', tmp_path / 'bag'])}
     (tmp_path / 'copy.csv').write_text('a.csv')
-    assert model_file.was_trained_on(header, tmp_path / 'copy.csv') and model_file.was_trained_on(header, tmp_path / 'bag')
+    assert all(model_file.was_trained_on(header, tmp_path / name) for name in ('copy.csv', 'bag'))
     (tmp_path / 'copy.csv').write_text('a.csv.')
     assert not model_file.was_trained_on(header, tmp_path / 'copy.csv')
     assert not model_file.was_trained_on({}, tmp_path / 'copy.csv')
