@@ -13,9 +13,11 @@ from dataclasses import replace
 import numpy as np
 from tqdm import tqdm
 
+from style_core.cli.files import add_output
 from style_core.cli.recordings import add_recorded_rate
 from style_core.cli.train_locomotion import read_recordings
 from style_core.errors import UsageError
+from style_core.formats.files import replacing
 from style_core.locomotion.infer import analyze
 from style_core.locomotion.model import load, save
 from style_core.locomotion.pictures import alignment_picture
@@ -27,8 +29,8 @@ __all__ = ['add_arguments', 'run']
 def add_arguments(parser, argv):
     """FILES and what to write."""
     parser.add_argument('files', nargs='*', metavar='FILE', help='recordings with the joints of the model')
-    parser.add_argument('-o', '--output', metavar='CSV', help='write phase and position of every frame')
-    parser.add_argument('--picture', metavar='PNG', help='draw the recordings over common phases')
+    add_output(parser, '-o', '--output', what='table', metavar='CSV', help='write phase and position of every frame')
+    add_output(parser, '--picture', what='picture', metavar='PNG', help='draw the recordings over common phases')
     parser.add_argument(
         '--joints', nargs='+', metavar='JOINT', help='joints in the picture (default: the most moving four)'
     )
@@ -65,7 +67,7 @@ def run(args):
                 f'{row["log_likelihood_per_value"]:.2f} nats a value'
             )
     if args.output:
-        with open(args.output, 'w', newline='') as stream:
+        with replacing(args.output) as stream:
             table = csv.writer(stream)
             table.writerow(['recording', 'time_s', 'style', 'phase_rad', 'position'])
             for r in results:

@@ -13,6 +13,7 @@ of every value is written beside it with --std FILE.csv.
 import numpy as np
 from tqdm import tqdm
 
+from style_core.cli.files import add_output
 from style_core.cli.number import Number, Positive
 from style_core.cli.predictor_arguments import add_method, add_reading, hide, predictor_of
 from style_core.cli.recordings import read_recording
@@ -26,14 +27,14 @@ __all__ = ['add_arguments', 'run']
 def add_arguments(parser, argv):
     """FILE, output and times."""
     parser.add_argument('file', metavar='FILE', help='recording to follow')
-    parser.add_argument('-o', '--output', required=True, metavar='FILE', help='motion file to write')
+    add_output(parser, '-o', '--output', required=True, metavar='FILE', help='motion file to write')
     parser.add_argument('--at', action=Number, metavar='S',
                         help='time of the recording to predict from (default: its end)')
     parser.add_argument('--seconds', action=Positive, default=1.0, metavar='S', help='how far to predict (default: 1)')
     parser.add_argument('--rate', action=Positive, default=60.0, metavar='HZ', help='rate of the output (default: 60)')
     parser.add_argument('--ahead', action=Number, least=0, metavar='S',
                         help='write instead what was predicted S before each frame')
-    parser.add_argument('--std', metavar='FILE.csv', help='also write the standard deviations, rad')
+    add_output(parser, '--std', what='table', metavar='FILE.csv', help='also write the standard deviations, rad')
     add_reading(parser)
     add_method(parser)
 

@@ -8,6 +8,7 @@ motion-style synthesize gaits.npz --blend "walk @ 0; run @ 5" -o change.csv --pi
 Styles are called by their names (motion-style info gaits.npz) or numbers. Weights sum to one; a weight above one
 exaggerates a style ("1.5*run - 0.5*walk").
 """
+from style_core.cli.files import add_output
 from style_core.cli.number import Number, Positive
 from style_core.errors import UsageError
 from style_core.formats import write_motion
@@ -25,8 +26,9 @@ def add_arguments(parser, argv):
     parser.add_argument('--duration', action=Positive, default=6.0, metavar='S', help='default: 6 s')
     parser.add_argument('--rate', action=Positive, metavar='HZ', help="of the motion (default: the model's)")
     parser.add_argument('--phase', action=Number, default=0.0, metavar='RAD', help='to start at (default: 0)')
-    parser.add_argument('-o', '--output', metavar='FILE', help='motion file; the suffix says which format')
-    parser.add_argument('--picture', metavar='PNG', help='draw a strip of stick figures (needs --skeleton)')
+    add_output(parser, '-o', '--output', metavar='FILE', help='motion file; the suffix says which format')
+    add_output(parser, '--picture', what='picture', metavar='PNG',
+               help='draw a strip of stick figures (needs --skeleton)')
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf file of the body')
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from style_core.cli.files import add_output
 from style_core.cli.number import Positive, Seed
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import UsageError
@@ -32,7 +33,7 @@ def add_arguments(parser, argv):
                          help='a random choreography of this length')
     parser.add_argument('--style', default=None, metavar='EXPR',
                         help="style of the result (default: the recording's own with --content, else generic)")
-    parser.add_argument('-o', '--output', required=True, metavar='OUT', help='motion file of any known format')
+    add_output(parser, '-o', '--output', required=True, metavar='OUT', help='motion file of any known format')
     parser.add_argument('--keep-timing', action='store_true',
                         help="with --content: keep the recording's timing instead of the style's dwell times")
     parser.add_argument('--seed', action=Seed, default=0, help='of a random walk (default: 0)')
@@ -41,7 +42,8 @@ def add_arguments(parser, argv):
     add_recorded_rate(parser)
     parser.add_argument('--skeleton', metavar='FILE', help='.asf or .bvh to write AMC or BVH with (default: the one '
                                                            "beside the recording; for AMC CMU's)")
-    parser.add_argument('--picture', metavar='PICTURE', help='draw a strip of stick figures; needs a skeleton')
+    add_output(parser, '--picture', what='picture', metavar='PICTURE',
+               help='draw a strip of stick figures; needs a skeleton')
 
 
 def run(args):

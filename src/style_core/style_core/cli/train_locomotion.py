@@ -13,8 +13,9 @@ from dataclasses import replace
 
 from tqdm import tqdm
 
+from style_core.cli.files import add_output
 from style_core.cli.number import Count, Positive, Seed
-from style_core.cli.recordings import add_recorded_rate, named_recording
+from style_core.cli.recordings import add_recorded_rate, chosen_joints, named_recording
 from style_core.errors import UsageError
 from style_core.formats.files import read_table
 from style_core.locomotion.choose import choose_styles
@@ -28,7 +29,7 @@ __all__ = ['add_arguments', 'run', 'read_recordings']
 def add_arguments(parser, argv):
     """FILES, and what to find in them."""
     parser.add_argument('files', nargs='+', metavar='FILE', help='recordings of cyclic motion, of any known format')
-    parser.add_argument('-o', '--output', required=True, metavar='MODEL.npz', help='model file to write')
+    add_output(parser, '-o', '--output', what='model', required=True, metavar='MODEL.npz', help='model file to write')
     parser.add_argument('--styles', default='2-8', metavar='C',
                         help='number of styles, or a range (2-8) to choose from by held-out likelihood (default: 2-8)')
     parser.add_argument(
@@ -55,10 +56,7 @@ def read_recordings(files, recorded_rate=None, joints=None):
     motions = []
     for path in tqdm(files, desc='reading', unit='file', disable=None, leave=False):
         motion = named_recording(path, recorded_rate)
-        excluded = [f'!*{word}*' for word in ('fingers', 'thumb') if any(word in name for name in motion.joint_names)]
-        if joints or excluded:
-            motion = motion.select(*(joints or excluded))
-        motions.append(motion)
+        motions.append(chosen_joints(motion, joints))
     return motions
 
 

@@ -18,6 +18,7 @@ new person is learned by leaving one person out after the other.
 
 from tqdm import tqdm
 
+from style_core.cli.files import add_output
 from style_core.cli.number import Count, Positive
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import UsageError
@@ -30,7 +31,7 @@ __all__ = ['add_arguments', 'run']
 def add_arguments(parser, argv):
     """FILES or groups of them, and the model's settings."""
     parser.add_argument('files', nargs='*', metavar='FILE', help='recordings of one behaviour')
-    parser.add_argument('-o', '--output', required=True, metavar='MODEL.npz', help='model file to write')
+    add_output(parser, '-o', '--output', what='model', required=True, metavar='MODEL.npz', help='model file to write')
     parser.add_argument('--name', default='motion', help='name of the behaviour (default: motion)')
     parser.add_argument('--discrete', action='store_true', help='the behaviour has a start and a goal (a jump)')
     parser.add_argument('--behaviour', nargs='+', action='append', default=[], metavar=('NAME', 'FILE'),
