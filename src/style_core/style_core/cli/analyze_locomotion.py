@@ -25,6 +25,9 @@ from style_core.model_file import read_header
 
 __all__ = ['add_arguments', 'run']
 
+#: probability from which a style is named without another beside it
+_CERTAIN = 0.9
+
 
 def add_arguments(parser, argv):
     """FILES and what to write."""
@@ -52,7 +55,9 @@ def run(args):
     motions = read_recordings(args.files, args.recorded_rate, model.joint_names)
     results = [analyze(model, motion) for motion in tqdm(motions, desc='analyzing', disable=None, leave=False)]
     rows = [{'recording': r.name, 'style': model.style_names[r.style],
-             'probability': float(r.style_probabilities[r.style]), 'cycles': float(np.ptp(r.phase) / (2 * np.pi)),
+             'probability': float(r.style_probabilities[r.style]),
+             'probabilities': dict(zip(model.style_names, map(float, r.style_probabilities))),
+             'cycles': float(np.ptp(r.phase) / (2 * np.pi)),
              'mean_period_s': float(2 * np.pi * np.ptp(r.times) / max(np.ptp(r.phase), 1e-9)),
              'cycle_times_s': [float(t) for t in r.cycle_times_s],
              'log_likelihood_per_value': r.log_likelihood_per_value} for r in results]
@@ -62,7 +67,7 @@ def run(args):
         for row in rows:
             limits = ', '.join(f'{t:.2f}' for t in row['cycle_times_s'])
             print(
-                f'{row["recording"]}: {row["style"]} (probability {row["probability"]:.3f}), '
+                f'{row["recording"]}: {_style(row)}, '
                 f'{row["cycles"]:.2f} cycles of {row["mean_period_s"]:.2f} s, phase 0 at {limits or "no time"} s, '
                 f'{row["log_likelihood_per_value"]:.2f} nats a value'
             )
@@ -77,6 +82,14 @@ def run(args):
     if args.picture:
         from style_core.pictures import save as save_picture
         save_picture(alignment_picture(model, motions, results, args.joints), args.picture)
+
+
+def _style(row):
+    """The style found, and the next where it might as well be that."""
+    (first, one), *rest = sorted(row['probabilities'].items(), key=lambda item: -item[1])
+    if one >= _CERTAIN or not rest:
+        return f'{first} (probability {one:.3f})'
+    return f'uncertain, {first} ({one:.3f}) or {rest[0][0]} ({rest[0][1]:.3f})'
 
 
 def _rename(model, args):

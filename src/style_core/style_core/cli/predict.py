@@ -20,8 +20,12 @@ from style_core.cli.recordings import read_recording
 from style_core.errors import UsageError
 from style_core.formats import write_motion
 from style_core.motion import Motion
+from style_core.sizes import demand
 
 __all__ = ['add_arguments', 'run']
+
+#: horizons predicted at a time
+_AT_ONCE = 500
 
 
 def add_arguments(parser, argv):
@@ -55,12 +59,13 @@ def run(args):
         estimate = predictor.update(time, y)
         if args.ahead is not None:
             every.append(predictor.predict(np.array([args.ahead])))
-    if args.ahead is not None:
-        times, mean, std = (np.concatenate([getattr(one, name) for one in every]) for name in ('times', 'mean', 'std'))
-    else:
-        horizons = np.arange(1, max(round(args.seconds * args.rate), 1) + 1) / args.rate
-        prediction = predictor.predict(horizons)
-        times, mean, std = prediction.times, prediction.mean, prediction.std
+    if args.ahead is None:
+        count = max(round(args.seconds * args.rate), 1)
+        demand(6 * count * len(predictor.joint_names), f'{args.seconds:g} s at {args.rate:g} Hz, {count} frames,',
+               'a lower --rate, or less time (--seconds)')
+        horizons = np.arange(1, count + 1) / args.rate
+        every = [predictor.predict(part) for part in np.array_split(horizons, -(-count // _AT_ONCE))]
+    times, mean, std = (np.concatenate([getattr(one, name) for one in every]) for name in ('times', 'mean', 'std'))
     write_motion(Motion(predictor.joint_names, mean, times, name=motion.name), args.output)
     if args.std:
         write_motion(Motion(predictor.joint_names, std, times, name=motion.name), args.std)

@@ -17,6 +17,7 @@ from tqdm import tqdm
 from style_core.cli.files import add_output
 from style_core.cli.number import Count, Positive, Seed
 from style_core.cli.recordings import add_recorded_rate, chosen_joints, read_recording
+from style_core.cli.soundness import doubt_recordings
 from style_core.effort import joint_scale, save, train_library
 from style_core.effort.descriptors import EFFORTS
 from style_core.effort.labels import read_labels
@@ -62,6 +63,7 @@ def run(args):
     for name, path, start, stop, _ in rows:
         piece = recordings[path] if start is None else recordings[path].slice(start, stop)
         motions.append(piece.replace(name=name, times=piece.times - piece.times[0]))
+    doubt_recordings(motions)
     contents = [content for *_, content in rows]
     if any(contents) and not all(contents):
         raise UsageError(f'{args.fragments}: the column content is empty for fragment {rows[contents.index("")][0]!r}')

@@ -11,11 +11,13 @@ values (NaN, gaps) in the recordings are marginalised.
 from collections import Counter
 from dataclasses import replace
 
+import numpy as np
 from tqdm import tqdm
 
 from style_core.cli.files import add_output
 from style_core.cli.number import Count, Positive, Seed
 from style_core.cli.recordings import add_recorded_rate, chosen_joints, named_recording
+from style_core.cli.soundness import doubt_fit, doubt_recordings, doubt_repetition
 from style_core.errors import UsageError
 from style_core.formats.files import read_table
 from style_core.locomotion.choose import choose_styles
@@ -76,6 +78,7 @@ def run(args):
     else:
         count = counts[0]
     model = learn(motions, count, restarts=args.restarts, **options)
+    _doubt(model, motions)
     if args.labels:
         model = replace(model, style_names=_names(model, args.labels))
     save(model, args.output, training_files=training_files(args.files), seed=args.seed)
@@ -84,6 +87,15 @@ def run(args):
         print(f'{name}: cycle of {period:.2f} s, {len(members)} recordings'
               + (f' ({", ".join(members[:6])}{", ..." if len(members) > 6 else ""})' if members else ''))
     print(f'wrote {args.output}')
+
+
+def _doubt(model, motions):
+    """Say what speaks against the recordings and the fit."""
+    doubt_recordings(motions)
+    doubt_repetition(motions)
+    own = model.noise[model.labels.argmax(axis=1)] / model.scale**2
+    moved = [np.nanvar(model.features.encode(motion), axis=0) / model.scale**2 for motion in motions]
+    doubt_fit('the model', own.mean(), np.nanmean(moved))
 
 
 def _counts(text):

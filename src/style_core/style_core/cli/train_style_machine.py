@@ -18,6 +18,7 @@ from tqdm import tqdm
 from style_core.cli.files import add_output
 from style_core.cli.number import Count, Number, Positive, Seed
 from style_core.cli.recordings import FURNITURE, add_recorded_rate, chosen_joints, named_recording
+from style_core.cli.soundness import doubt_recordings
 from style_core.errors import UsageError
 from style_core.formats import skeleton_of
 from style_core.model_file import training_files
@@ -75,6 +76,7 @@ def run(args):
     motions = [named_recording(path, args.recorded_rate)
                for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False)]
     motions = _common(motions, args.joints)
+    doubt_recordings(motions)
     checkpoint = args.output + '.checkpoint'
     with tqdm(desc='training', unit='it', disable=None, leave=False) as bar:
         def progress(row):

@@ -1,4 +1,5 @@
 """Learn a locomotion model from unlabelled recordings."""
+import warnings
 from dataclasses import dataclass, replace
 from typing import Tuple
 
@@ -13,6 +14,7 @@ from style_core.locomotion.features import feature_map
 from style_core.locomotion.infer import smooth
 from style_core.locomotion.model import LocomotionModel
 from style_core.locomotion.personal import estimate
+from style_core.sizes import demand
 
 __all__ = ['Fit', 'Sizes', 'cycle_sizes', 'fit', 'learn', 'features_of', 'standard']
 
@@ -194,6 +196,12 @@ def learn(motions, n_styles, *, seed=0, restarts=5, rate_hz=None, progress=False
     Returns
     -------
     LocomotionModel
+        With fewer styles than asked for where some found no recording.
+
+    Warns
+    -----
+    UserWarning
+        With the number of styles left out.
 
     Raises
     ------
@@ -211,6 +219,9 @@ def learn(motions, n_styles, *, seed=0, restarts=5, rate_hz=None, progress=False
     centre, scale = standard(recordings, features)
     scaled = [(x - centre) / scale for x in recordings]
     sizes = cycle_sizes(scaled, rate_hz)
+    demand(3 * max(map(len, scaled)) * sizes.n_positions * threads,
+           f'learning cycles of {sizes.n_positions} positions from {max(map(len, scaled))} frames at {rate_hz:g} Hz',
+           'a lower rate, or shorter recordings')
     n_iterations = options.get('n_iterations', 15)
     with tqdm(total=restarts * n_iterations, desc='learning', disable=None if progress else True) as bar:
         fits = [fit(scaled, sizes, n_styles, [seed, r], precision_max=(scale / features.floors)**2, threads=threads,
@@ -257,10 +268,16 @@ def standard(recordings, features):
 
 
 def _as_model(result, motions, features, rate_hz, centre, scale):
-    """Undo centring and scaling; sort styles by how many recordings they hold."""
+    """Undo centring and scaling; sort styles by how many recordings they hold, and drop those that hold none."""
     parameters, posterior = result.parameters, result.posterior
-    order = np.argsort(-posterior.labels.sum(axis=0), kind='stable')
+    held = posterior.labels.sum(axis=0)
+    order = np.argsort(-held, kind='stable')
+    order = order[held[order] >= min(0.5, held.max())]
+    if len(order) < len(held):
+        warnings.warn(f'{len(held) - len(order)} of {len(held)} styles found no recording and are left out',
+                      stacklevel=3)
     labels = posterior.labels[:, order]
+    labels = labels / labels.sum(axis=1, keepdims=True)
     taken = labels.sum(axis=0)
     pooled = parameters.jumps.mean(axis=0)
     # a tenth of a recording of the common advance keeps a style without recordings valid
@@ -277,7 +294,7 @@ def _as_model(result, motions, features, rate_hz, centre, scale):
         scale,
         parameters.smoothing,
         parameters.coupling,
-        parameters.weights[order],
+        parameters.weights[order] / parameters.weights[order].sum(),
         jumps,
         visits / visits.sum(axis=1, keepdims=True),
         None,
