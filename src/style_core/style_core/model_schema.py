@@ -209,7 +209,7 @@ def _phase_style(one):
         one.number('rate_hz', within=(entry, f'the rate of {where}'), above=0)
         one.number('acceleration', within=(entry, f'the acceleration of {where}'), above=0)
         for name in entry:
-            if name.startswith('residual.') and isinstance(entry[name], (int, float)):
+            if name.startswith('residual.'):
                 one.number(name, within=(entry, f'{name} of {where}'), least=0)
         for name, shape, limits in _BEHAVIOUR:
             own = ' '.join(word if word in 'D234' else f'{word}{index}' for word in shape.split())
