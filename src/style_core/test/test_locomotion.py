@@ -264,6 +264,8 @@ def test_an_empty_style_takes_over_nothing_on_line(learned):
         dwell=np.concatenate([learned.dwell, learned.dwell[:1]]),
         labels=np.concatenate([learned.labels, np.zeros((len(learned.labels), 1))], axis=1),
         style_names=(*learned.style_names, 'empty'))
+    with pytest.warns(UserWarning, match='1 of 3 styles'):
+        assert model_file.without_empty_styles(empty).style_names == learned.style_names
     for style in (0, 1):
         whole, _ = made_gait(style, 410 + style)
         errors = []
@@ -282,6 +284,7 @@ def test_styles_that_find_no_recording_are_dropped_and_it_is_said(gaits):
     with pytest.warns(UserWarning, match='of 3 styles found no recording'):
         model = learn(same, 3, restarts=1, n_iterations=4)
     assert model.n_styles == len(model.style_names) < 3
+    assert analyze(model, gaits[0]).style_probabilities.shape == (model.n_styles,)
     np.testing.assert_allclose([model.weights.sum(), *model.labels.sum(axis=1)], 1.0)
 
 

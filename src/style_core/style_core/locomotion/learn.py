@@ -1,5 +1,4 @@
 """Learn a locomotion model from unlabelled recordings."""
-import warnings
 from dataclasses import dataclass, replace
 from typing import Tuple
 
@@ -12,7 +11,7 @@ from style_core.errors import MotionError, UsageError
 from style_core.locomotion import em
 from style_core.locomotion.features import feature_map
 from style_core.locomotion.infer import smooth
-from style_core.locomotion.model import LocomotionModel
+from style_core.locomotion.model import LocomotionModel, without_empty_styles
 from style_core.locomotion.personal import estimate
 from style_core.sizes import demand
 
@@ -270,21 +269,15 @@ def standard(recordings, features):
 def _as_model(result, motions, features, rate_hz, centre, scale):
     """Undo centring and scaling; sort styles by how many recordings they hold, and drop those that hold none."""
     parameters, posterior = result.parameters, result.posterior
-    held = posterior.labels.sum(axis=0)
-    order = np.argsort(-held, kind='stable')
-    order = order[held[order] >= min(0.5, held.max())]
-    if len(order) < len(held):
-        warnings.warn(f'{len(held) - len(order)} of {len(held)} styles found no recording and are left out',
-                      stacklevel=3)
+    order = np.argsort(-posterior.labels.sum(axis=0), kind='stable')
     labels = posterior.labels[:, order]
-    labels = labels / labels.sum(axis=1, keepdims=True)
     taken = labels.sum(axis=0)
     pooled = parameters.jumps.mean(axis=0)
     # a tenth of a recording of the common advance keeps a style without recordings valid
     jumps = (labels.T @ parameters.jumps + 0.1 * pooled) / (taken + 0.1)[:, None]
     visits = posterior.paths.visits
     visits = labels.T @ visits + 0.1 * visits.mean(axis=0)
-    return LocomotionModel(
+    return without_empty_styles(LocomotionModel(
         features,
         float(rate_hz),
         posterior.cycles.mean[order] * scale + centre,
@@ -294,7 +287,7 @@ def _as_model(result, motions, features, rate_hz, centre, scale):
         scale,
         parameters.smoothing,
         parameters.coupling,
-        parameters.weights[order] / parameters.weights[order].sum(),
+        parameters.weights[order],
         jumps,
         visits / visits.sum(axis=1, keepdims=True),
         None,
@@ -302,4 +295,4 @@ def _as_model(result, motions, features, rate_hz, centre, scale):
         tuple(motion.name or f'recording {k}' for k, motion in enumerate(motions)),
         labels,
         result.bounds,
-    )
+    ))

@@ -1,5 +1,6 @@
 """The learned locomotion model and its file."""
-from dataclasses import dataclass
+import warnings
+from dataclasses import dataclass, replace
 from typing import Tuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from style_core.locomotion.personal import Personal
 from style_core.model_file import load_model, save_model
 from style_core.model_schema import check_model
 
-__all__ = ['KIND', 'LocomotionModel', 'save', 'load', 'from_arrays']
+__all__ = ['KIND', 'LocomotionModel', 'without_empty_styles', 'save', 'load', 'from_arrays']
 
 KIND = 'locomotion'
 
@@ -121,6 +122,23 @@ class LocomotionModel:
         raise ModelError(f'the model has no style {name!r}; it has {", ".join(self.style_names)}')
 
 
+def without_empty_styles(model):
+    """The model without styles that hold no recording (less than half of one); a warning says how many.
+
+    Such a style is as wide as its prior: it shows no motion, but is the least wrong about everybody who is new.
+    """
+    held = model.labels.sum(axis=0)
+    kept = np.flatnonzero(held >= min(0.5, held.max()))
+    if len(kept) == len(held):
+        return model
+    warnings.warn(f'{len(held) - len(kept)} of {len(held)} styles found no recording and are left out', stacklevel=3)
+    labels, weights = model.labels[:, kept], model.weights[kept]
+    return replace(
+        model, mean=model.mean[kept], variance=model.variance[kept], noise=model.noise[kept],
+        weights=weights / weights.sum(), jumps=model.jumps[kept], dwell=model.dwell[kept],
+        style_names=tuple(model.style_names[k] for k in kept), labels=labels / labels.sum(axis=1, keepdims=True))
+
+
 _ARRAYS = ('mean', 'variance', 'noise', 'parent', 'scale', 'weights', 'jumps', 'dwell', 'labels', 'bounds')
 _PERSONAL = ('pull', 'smooth', 'noise', 'memory')
 
@@ -149,9 +167,9 @@ def from_arrays(header, arrays):
         If an entry is missing, cannot be right, or shapes do not fit each other.
     """
     check_model(KIND, header, arrays)
-    return LocomotionModel(
+    return without_empty_styles(LocomotionModel(
         FeatureMap(tuple(header['joint_names']), tuple(header['units'])), float(header['rate_hz']),
         smoothing=float(header['smoothing']), coupling=float(header['coupling']),
         personal=Personal(*(np.asarray(arrays[f'personal_{name}'], dtype=float) for name in _PERSONAL)),
         style_names=tuple(header['style_names']), recordings=tuple(header['recordings']),
-        **{name: np.asarray(arrays[name], dtype=float) for name in _ARRAYS})
+        **{name: np.asarray(arrays[name], dtype=float) for name in _ARRAYS}))
