@@ -78,7 +78,9 @@ def command(words, outputs=()):
         clear = said and 'motion-style' in said[-1] and (len(said) == 1 or said[0].startswith('usage:')
                                                          or all(line.startswith('motion-style') for line in said))
         return (LINE if clear and status in (1, 2) else TRACEBACK), told
-    return (WRONG if _unsound(out.getvalue(), outputs) else RIGHT), told
+    # what is only shown may well hold no number, or be called so
+    printed = '' if words[0] == 'info' and '--json' not in words else out.getvalue()
+    return (WRONG if _unsound(printed, outputs) else RIGHT), told
 
 
 def _unsound(printed, outputs):
