@@ -4,7 +4,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from style_core.errors import MotionError
 
-__all__ = ['period', 'cycle_shift', 'harmonic_design', 'fit_cycle', 'refine_phase']
+__all__ = ['period', 'repetition', 'cycle_shift', 'harmonic_design', 'fit_cycle', 'refine_phase']
 
 
 def _vertex(left, middle, right):
@@ -38,6 +38,14 @@ def period(y, rate_hz, shortest_s=0.4, longest_s=2.5):
     MotionError
         If the recording is too short, does not move, or has no peak in the range.
     """
+    return repetition(y, rate_hz, shortest_s, longest_s)[0]
+
+
+def repetition(y, rate_hz, shortest_s=0.4, longest_s=2.5):
+    """Period (s) as `period` finds it, and how like the motion is to itself one period later.
+
+    The likeness is the normalised auto-correlation there: 1 the same again, 0 nothing in common (noise).
+    """
     y = np.asarray(y, dtype=float)
     y = y - y.mean(axis=0)
     n = len(y)
@@ -60,7 +68,7 @@ def period(y, rate_hz, shortest_s=0.4, longest_s=2.5):
         raise MotionError(f'no repetition between {shortest_s:g} and {longest_s:g} s found in this recording')
     # the multiples of a period score alike: take the shortest among the nearly best
     best = peaks[score[peaks] >= score[peaks].max() - 0.05][0]
-    return (best + _vertex(*score[best - 1:best + 2])) / rate_hz
+    return (best + _vertex(*score[best - 1:best + 2])) / rate_hz, float(score[best])
 
 
 def cycle_shift(reference, cycle):

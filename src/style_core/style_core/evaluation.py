@@ -15,7 +15,8 @@ from style_core.errors import MotionError, UsageError
 
 __all__ = ['FRAMES_AHEAD', 'RATE_HZ', 'Rollout', 'paper_horizons', 'future', 'roll_out', 'error_deg2', 'rms_deg',
            'coverage', 'log_score', 'crps_deg', 'phase_error_percent', 'event_phase_error_percent', 'mask_out',
-           'random_sensors', 'random_bursts', 'disturbed_stamps', 'windows_clear_of', 'zero_velocity_of', 'summary']
+           'random_sensors', 'random_bursts', 'disturbed_stamps', 'windows_clear_of', 'zero_velocity_of',
+           'mean_pose_of', 'summary', 'verdict', 'bands_verdict']
 
 #: G and the rate of Matsubara et al. 2012, section 4.1: errors are averaged over the next 25 frames at 60 Hz.
 FRAMES_AHEAD = 25
@@ -405,14 +406,43 @@ def zero_velocity_of(rollout):
     return np.broadcast_to(rollout.present[:, None, :], rollout.actual.shape)
 
 
+def mean_pose_of(rollout):
+    """Predictions of 'the mean pose of this very recording' for the same instants, shape (T, H, D).
+
+    Nobody knows it beforehand; a prediction that is no better says nothing of the motion. On noise it is the best.
+    """
+    seen = np.isfinite(rollout.present)
+    mean = np.where(seen, rollout.present, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
+    return np.broadcast_to(mean, rollout.actual.shape)
+
+
+def verdict(error, still, mean_pose):
+    """What an error E (`error_deg2`) is worth beside those of holding still and of the constant mean pose, in words."""
+    if not np.isfinite(error):
+        return 'nothing could be scored'
+    if not error < mean_pose:
+        return 'no better than a constant pose'
+    if not error < still:
+        return 'no better than holding still'
+    return f'{1 - error / min(still, mean_pose):.0%} better than either'
+
+
+def bands_verdict(share, level=0.9, room=0.05):
+    """What the share of values inside a band that promises ``level`` says of it, in words."""
+    if not np.isfinite(share):
+        return 'no band'
+    return 'too narrow' if share < level - room else 'too wide' if share > level + room else 'honest'
+
+
 def summary(rollout, levels=(0.5, 0.9)):
     """Report of one rollout as plain numbers, ready for JSON and for a table.
 
     Returns
     -------
     dict
-        ``error_deg2`` (the paper's E), ``zero_velocity_error_deg2``, ``horizons_s`` and by horizon ``rms_deg``,
-        ``zero_velocity_rms_deg``, ``crps_deg``, ``log_score``, ``coverage`` (level -> list);
+        ``error_deg2`` (the paper's E), ``zero_velocity_error_deg2``, ``mean_pose_error_deg2``, ``horizons_s``
+        and by horizon ``rms_deg``, ``zero_velocity_rms_deg``, ``crps_deg``, ``log_score``, ``coverage`` (level ->
+        list);
         ``hidden_rms_deg`` (the filled-in values of what was hidden, NaN if nothing was), ``share_lost``,
         ``update_us`` and ``predict_us`` (median, 99th percentile), ``instants``.
     """
@@ -424,6 +454,7 @@ def summary(rollout, levels=(0.5, 0.9)):
         'instants': len(rollout.times),
         'error_deg2': error_deg2(mean, actual),
         'zero_velocity_error_deg2': error_deg2(still, actual),
+        'mean_pose_error_deg2': error_deg2(mean_pose_of(rollout), actual),
         'horizons_s': rollout.horizons.tolist(),
         'rms_deg': rms_deg(mean, actual).tolist(),
         'zero_velocity_rms_deg': rms_deg(still, actual).tolist(),

@@ -7,6 +7,7 @@ import numpy as np
 
 from style_core.budgets import NAME_BYTES, PATTERN_LIST_BYTES, PATTERNS
 from style_core.errors import MotionError
+from style_core.sizes import demand
 from style_core.text import shown
 
 __all__ = ['Motion', 'concatenate', 'matching_names', 'usual_units']
@@ -204,12 +205,19 @@ class Motion:
         return self.replace(positions=result, times=times)
 
     def resample(self, rate_hz, max_gap_s=None):
-        """Return the motion at a constant rate from its first stamp on, never beyond its last (see `at`)."""
+        """Return the motion at a constant rate from its first stamp on, never beyond its last (see `at`).
+
+        Raises
+        ------
+        MotionError
+            If the rate is no positive number.
+        UsageError
+            If the motion would not fit into memory.
+        """
         if not (np.isfinite(rate_hz) and rate_hz > 0):
             raise MotionError(f'a rate must be a positive number of Hz, got {rate_hz}')
         count = int(np.floor(self.duration_s * rate_hz + 1e-6)) + 1
-        if count * self.n_joints > 1 << 31:
-            raise MotionError(f'{self._title()} at {rate_hz:g} Hz would have {count} frames')
+        demand(6 * count * self.n_joints, f'{self._title()} at {rate_hz:g} Hz, {count} frames,', 'a lower rate')
         return self.at(self.times[0] + np.arange(count) / rate_hz, max_gap_s)
 
     def velocities(self):

@@ -5,6 +5,7 @@ import matplotlib
 import numpy as np
 
 from style_core.errors import MotionError
+from style_core.formats.files import replacing
 from style_core.mirroring import partner_name
 
 __all__ = ['COLOURS', 'Line', 'joint_curves', 'draw_pose', 'stick_strip', 'stick_pair', 'save']
@@ -213,8 +214,11 @@ def save(figure, path):
     if path.suffix.lower() not in ('.png', '.pdf', '.svg'):
         raise MotionError(f'{path}: pictures are written as .png, .pdf or .svg')
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    try:
+        with replacing(path, 'wb') as stream:
+            figure.savefig(stream, dpi=110, format=path.suffix[1:].lower())
+    finally:
+        plt.close(figure)
 
 
 def _pyplot():

@@ -95,6 +95,23 @@ class OnlinePredictor(Protocol):
     """Update with each observation, predict at any time ahead.
 
     ``joint_names`` gives the order of the D channels of every array.
+
+    Notes
+    -----
+    Every predictor keeps these rules; ``test_predictor_contract.py`` puts each kind of model through them.
+
+    - Not observed is what is NaN, masked, or beyond 10,000 rad, which no joint can be: it has no influence at all.
+      What is infinite is an error of the caller, like a wrong shape, a mask that is not boolean, or a time that does
+      not increase: ValueError, and nothing has changed.
+    - Not believed is what is observed but contradicts what is known by far (20 standard deviations): a joint of few,
+      or, while tracking, a whole observation. It is left out, and False in `Estimate.observed`. A joint that is out
+      by the same again and again has moved and is believed after 0.05 s. A predictor that believed nothing for a while
+      searches anew.
+    - So one wild sample, of one joint or all, does no harm that is still there a second later.
+    - ``std`` is finite and above 0 for every joint, observed ones included, and at every horizon, 0 included.
+      (Baselines, which give no band, say NaN.)
+    - Before the first update `predict` says what may be expected of anyone, at times counted from 0.
+    - After `reset` everything is as in a new predictor, bit for bit.
     """
 
     joint_names: Tuple[str, ...]
@@ -117,11 +134,17 @@ class OnlinePredictor(Protocol):
         Raises
         ------
         ValueError
-            If a shape is wrong or time does not increase.
+            If a shape is wrong, a value is infinite, the mask is not boolean, or time is not finite or does not
+            increase.
         """
 
     def predict(self, horizons: np.ndarray) -> Prediction:
-        """Predict at ``horizons`` (shape (H,), s after the last update, >= 0).
+        """Predict at ``horizons`` (shape (H,), s after the last update, finite and >= 0).
 
         The arrays are the caller's own: nobody else writes or reads them.
+
+        Raises
+        ------
+        ValueError
+            If a horizon is negative or not finite, or the shape is wrong.
         """

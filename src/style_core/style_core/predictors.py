@@ -9,7 +9,7 @@ from style_core.phase_style.full import PARTS
 from style_core.predictor import OnlinePredictor
 from style_core.unknown import OpenPredictor
 
-__all__ = ['FilePredictor', 'read_predictor']
+__all__ = ['FilePredictor', 'read_predictor', 'KINDS']
 
 #: What can be left out around a model's own predictor.
 _AROUND = ('histories', 'unknown')
@@ -100,3 +100,4 @@ def _style_machine(path, method, without):
 
 #: imported when asked for: learning, which comes with them, needs libraries that take seconds to load
 _READERS = {phase_style.KIND: _phase_style, 'locomotion': _locomotion, 'style-machine': _style_machine}
+KINDS = tuple(_READERS)

@@ -77,9 +77,9 @@ class Report:
         data = f"{len(record['data']['files'])} files, SHA-256 {record['data']['sha256'][:16]}" \
             if record['data']['sha256'] else 'none'
         head = [f"# {record['title']}", f"`{record['command']}` · seed {record['seed']} · {versions} · data: {data}"]
-        (folder / f'{self.name}.json').write_text(json.dumps(record, indent=1, default=_plain) + '\n')
+        (folder / f'{self.name}.json').write_text(json.dumps(record, indent=1, default=_plain) + '\n', encoding='utf-8')
         page = folder / f'{self.name}.md'
-        page.write_text('\n\n'.join(head + self._parts) + '\n')
+        page.write_text('\n\n'.join(head + self._parts) + '\n', encoding='utf-8')
         return page
 
 

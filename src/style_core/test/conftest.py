@@ -36,3 +36,10 @@ def gait():
     names = [f'{side}_{joint}' for side in ('left', 'right') for joint in ('hip', 'knee', 'ankle', 'toe')]
     phase = 2 * np.pi * 1.1 * times[:, None] + np.repeat([0, np.pi], 4) + np.tile([0, 0.6, 1.3, 2.0], 2)
     return Motion(names, 0.2 + 0.5 * np.sin(phase) + 0.1 * np.cos(2 * phase), times, name='made gait')
+
+
+@pytest.fixture(scope='session')
+def models(tmp_path_factory):
+    """kind -> file of a small model of it; beside them ``KIND.csv``, a recording that each has not seen."""
+    from made_models import make_models
+    return make_models(tmp_path_factory.mktemp('made_models'))

@@ -35,8 +35,7 @@ def everyone():
 def test_protocol(predictor):
     motion = cycle(40)
     predictor.reset()
-    with pytest.raises(ValueError):
-        predictor.predict([0.1])
+    assert np.isfinite(predictor.predict([0.1]).mean).all()     # what may be expected of anyone
     for frame in range(40):
         estimate = predictor.update(motion.times[frame], motion.positions[frame])
     assert estimate.time == motion.times[-1] and estimate.mean.shape == (4,)

@@ -18,7 +18,7 @@ def test_a_chain_through_every_format_changes_nothing(mocap, tmp_path, capsys):
     source = datasets.trial_path('09_01')
     chain = [source, tmp_path / 'a.csv', tmp_path / 'bag', tmp_path / 'b.npz', tmp_path / 'c.mcap', tmp_path / 'd.amc']
     for old, new in itertools.pairwise(chain):
-        assert convert(old, new) == 0, capsys.readouterr().err
+        assert convert(old, new, *(() if new.suffix else ('--storage', 'sqlite3'))) == 0, capsys.readouterr().err
     first, last = read_motion(source), read_motion(chain[-1])
     np.testing.assert_allclose(last.joints(first.joint_names).positions, first.positions, atol=1e-9)
     assert last.rate_hz == first.rate_hz
@@ -62,5 +62,5 @@ def test_missing_values_are_reported(tmp_path, gait, capsys):
     values = gait.positions.copy()
     values[3:5, 2] = np.nan
     write_motion(gait.replace(positions=values), tmp_path / 'a.csv')
-    assert convert(tmp_path / 'a.csv', tmp_path / 'bag') == 0
+    assert convert(tmp_path / 'a.csv', tmp_path / 'bag', '--storage', 'sqlite3') == 0
     assert '2 values missing' in capsys.readouterr().out

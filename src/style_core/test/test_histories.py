@@ -308,7 +308,7 @@ def test_file_holds_histories_and_they_can_be_left_out(walk, learned, tmp_path):
                'horizons': lambda a: a[::-1]}
     for name, damage in damages.items():
         worse = dict(arrays, **{f'histories.{name}': damage(arrays[f'histories.{name}'])})
-        model_file.save_model(tmp_path / 'worse.npz', header['kind'], header, worse)
+        model_file.write_archive(tmp_path / 'worse.npz', header, worse)
         with pytest.raises(ModelError, match='incomplete histories'):
             load_predictor(tmp_path / 'worse.npz')
 

@@ -1,4 +1,5 @@
 """Learning, analysing, filling, blending and predicting with the locomotion model, on made gaits and real ones."""
+import dataclasses
 import json
 
 import numpy as np
@@ -251,9 +252,51 @@ def test_predictor_keeps_going_without_sensors_and_refuses_nonsense(learned):
     with pytest.raises(ValueError, match='horizons'):
         predictor.predict(np.array([-1.0]))
     assert predictor.predict(np.zeros(0)).mean.shape == (0, 6)
-    predictor.reset()
-    with pytest.raises(ValueError, match='first update'):
-        predictor.predict(np.array([0.1]))
+
+
+def test_an_empty_style_takes_over_nothing_on_line(learned):
+    """A style without recordings has the widest noise: compared by distance alone it would fit everything best."""
+    empty = dataclasses.replace(
+        learned, mean=np.concatenate([learned.mean, learned.mean.mean(axis=0)[None]]),
+        variance=np.concatenate([learned.variance, learned.variance[:1]]),
+        noise=np.concatenate([learned.noise, 200 * learned.noise.max(axis=0)[None]]),
+        weights=np.append(0.98 * learned.weights, 0.02), jumps=np.concatenate([learned.jumps, learned.jumps[:1]]),
+        dwell=np.concatenate([learned.dwell, learned.dwell[:1]]),
+        labels=np.concatenate([learned.labels, np.zeros((len(learned.labels), 1))], axis=1),
+        style_names=(*learned.style_names, 'empty'))
+    with pytest.warns(UserWarning, match='1 of 3 styles'):
+        assert model_file.without_empty_styles(empty).style_names == learned.style_names
+    for style in (0, 1):
+        whole, _ = made_gait(style, 410 + style)
+        errors = []
+        for model in (learned, empty):
+            predictor, gaps = LocomotionPredictor(model), []
+            for t, y in zip(whole.times[:-8], whole.positions):
+                found = predictor.update(t, y)
+                gaps.append(predictor.predict(np.array([0.2])).mean[0])
+            errors.append(np.mean((np.array(gaps)[40:] - whole.positions[48:])**2))
+        assert found.behaviours['empty'] < 0.1 and errors[1] < 1.2 * errors[0]
+
+
+def test_styles_that_find_no_recording_are_dropped_and_it_is_said(gaits):
+    """Twice the same recording cannot part into three styles."""
+    same = [gaits[0], gaits[0].replace(name='again')]
+    with pytest.warns(UserWarning, match='of 3 styles found no recording'):
+        model = learn(same, 3, restarts=1, n_iterations=4)
+    assert model.n_styles == len(model.style_names) < 3
+    assert analyze(model, gaits[0]).style_probabilities.shape == (model.n_styles,)
+    np.testing.assert_allclose([model.weights.sum(), *model.labels.sum(axis=1)], 1.0)
+
+
+def test_a_stranger_is_of_no_certain_style(learned, gaits):
+    """Somebody far from both styles is of neither for certain, however many frames say so; a training recording is."""
+    for gait in gaits[:2]:
+        assert analyze(learned, gait).style_probabilities.max() > 0.99
+    slow, _ = made_gait(0, 420, noise=0.0)
+    middle = slow.replace(positions=slow.positions + 0.6 * np.array([1, -1, 1, -1, 1, -1]), name='stranger')
+    longer = middle.replace(positions=np.tile(middle.positions, (4, 1)), times=np.arange(4 * middle.n_frames) / RATE)
+    for motion in (middle, longer):
+        assert analyze(learned, motion).style_probabilities.max() < 0.99
 
 
 def test_an_absent_joint_equals_a_masked_one(learned):

@@ -204,13 +204,13 @@ def test_damaged_models_are_refused(behaviour, tmp_path):
     for spoiled in ({'0.bases': arrays['0.bases'][:, :, :2]}, {'0.noise': arrays['0.noise'] * np.nan},
                     {'0.velocity': np.zeros(2)}):
         other = tmp_path / 'bad.npz'
-        model_file.save_model(other, 'phase-style', {'joint_names': header['joint_names'],
-                                                     'behaviours': header['behaviours']}, {**arrays, **spoiled})
+        with pytest.raises(ModelError, match='not written'):
+            model_file.save_model(other, 'phase-style', header, {**arrays, **spoiled})
+        model_file.write_archive(other, header, {**arrays, **spoiled})
         with pytest.raises(ModelError, match='incomplete'):
             load_behaviours(other)
     del arrays['0.styles']
-    model_file.save_model(tmp_path / 'worse.npz', 'phase-style',
-                          {'joint_names': header['joint_names'], 'behaviours': header['behaviours']}, arrays)
+    model_file.write_archive(tmp_path / 'worse.npz', header, arrays)
     with pytest.raises(ModelError, match='incomplete'):
         load_behaviours(tmp_path / 'worse.npz')
     with pytest.raises(ModelError, match='different names'):

@@ -64,8 +64,8 @@ def test_every_kind_follows_a_live_stream(folder, kind):
 
 
 def test_what_cannot_predict_is_refused(folder, tmp_path):
-    save_model(tmp_path / 'library.npz', 'effort', {'joint_names': []}, {})
-    with pytest.raises(ModelError, match='effort model, which cannot predict'):
+    save_model(tmp_path / 'library.npz', 'song', {'joint_names': []}, {})
+    with pytest.raises(ModelError, match='song model, which cannot predict'):
         load_live(tmp_path / 'library.npz', 'full', AHEAD)
     assert read_predictor(folder / 'phase-style.npz', 'paper').predictor.joint_names
     for kind in KINDS[1:]:

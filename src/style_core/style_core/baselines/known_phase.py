@@ -31,6 +31,7 @@ class KnownPhase(PoseKeeper):
 
     def reset(self):
         super().reset()
+        self._style = self._behaviour.styles.mean(axis=0)
         # a weak pull to nothing, so that the first frame has a solution; of no weight against a single pose
         self._regression = FadingLeastSquares(self._behaviour.style_dimension, 1, self._forgetting, 1e-9)
 
@@ -49,4 +50,4 @@ class KnownPhase(PoseKeeper):
         self._pose = np.where(observed, pose, self._style @ features)
 
     def _ahead(self, horizons):
-        return np.einsum('j,hjd->hd', self._style, self._bases_at(self._time + horizons))
+        return np.einsum('j,hjd->hd', self._style, self._bases_at((self._time or 0.0) + horizons))

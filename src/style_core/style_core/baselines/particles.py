@@ -48,6 +48,7 @@ class ParticleFilter(PoseKeeper):
             size=(self._n, self._behaviour.style_dimension)
         )
         self._log_weight = np.zeros(self._n)
+        self._weight = np.full(self._n, 1.0 / self._n)
 
     def _take(self, elapsed, pose, observed):
         rng = self._rng

@@ -3,6 +3,7 @@
 import numpy as np
 
 from style_core.errors import MotionError
+from style_core.phase_style.gate import ObservationGate
 from style_core.predictor import Estimate, Prediction, Status
 
 __all__ = ['PoseKeeper']
@@ -23,31 +24,29 @@ class PoseKeeper:
         self._rest = np.zeros(len(self.joint_names)) if rest is None else np.array(rest, dtype=float)
         if self._rest.shape != (len(self.joint_names),) or not np.isfinite(self._rest).all():
             raise MotionError(f'rest pose must be {len(self.joint_names)} finite numbers')
+        self._gate = ObservationGate(len(self.joint_names))
         self.reset()
 
     def reset(self):
         """Forget everything observed."""
-        self._time = None
+        self._gate.reset()
         self._pose = self._rest.copy()
         self._observed = np.zeros(len(self.joint_names), dtype=bool)
 
+    @property
+    def _time(self):
+        return self._gate.time
+
     def update(self, time, y, mask=None):
         """Take one observation (see `OnlinePredictor.update`)."""
-        y = np.asarray(y, dtype=float)
-        if y.shape != self._pose.shape:
-            raise ValueError(f'{len(self.joint_names)} joint positions are needed, got shape {y.shape}')
-        if not np.isfinite(time) or (self._time is not None and time <= self._time):
-            raise ValueError(f'time must increase: {time} after {self._time}')
-        observed = np.isfinite(y) if mask is None else np.asarray(mask, dtype=bool) & np.isfinite(y)
-        if observed.shape != y.shape:
-            raise ValueError(f'the mask must have {len(y)} entries, got shape {observed.shape}')
-        elapsed = 0.0 if self._time is None else time - self._time
-        self._time, self._observed = time, observed
+        elapsed = self._gate.take(time, y, mask)
+        y, observed = self._gate.y, self._gate.flags()
+        self._observed = observed
         self._take(elapsed, np.where(observed, y, self._pose), observed)
         mean, std = self._filled(), np.full(len(y), np.nan)
         nothing = np.full((2, 2), np.nan)
         return Estimate(
-            time=time,
+            time=self._time,
             phase=np.nan,
             phase_velocity=np.nan,
             phase_covariance=nothing,
@@ -63,15 +62,17 @@ class PoseKeeper:
 
     def predict(self, horizons):
         """Predict ``horizons`` s ahead (see `OnlinePredictor.predict`); baselines give no band (``std`` is NaN)."""
-        if self._time is None:
-            raise ValueError('nothing was observed yet')
         horizons = np.asarray(horizons, dtype=float)
+        if horizons.ndim != 1 or not (np.isfinite(horizons).all() and (horizons >= 0).all()):
+            raise ValueError('horizons must be a one-dimensional array of finite times >= 0')
         mean = self._ahead(horizons)
-        if len(horizons) > 1:  # along the path predicted, as a second evaluation would cost as much as the first
+        # along the path predicted, as a second evaluation would cost as much as the first
+        if len(horizons) > 1 and (np.diff(horizons) > 0).all():
             velocity = np.gradient(mean, horizons, axis=0)
         else:
             velocity = (self._ahead(horizons + 1e-3) - mean) / 1e-3
-        return Prediction(times=self._time + horizons, mean=mean, std=np.full(mean.shape, np.nan), velocity=velocity)
+        nothing = np.full(mean.shape, np.nan)
+        return Prediction((self._time or 0.0) + horizons, mean, nothing, velocity)
 
     def _take(self, elapsed, pose, observed):
         self._pose = pose

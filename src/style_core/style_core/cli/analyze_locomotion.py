@@ -13,9 +13,11 @@ from dataclasses import replace
 import numpy as np
 from tqdm import tqdm
 
+from style_core.cli.files import add_output
 from style_core.cli.recordings import add_recorded_rate
 from style_core.cli.train_locomotion import read_recordings
 from style_core.errors import UsageError
+from style_core.formats.files import replacing
 from style_core.locomotion.infer import analyze
 from style_core.locomotion.model import load, save
 from style_core.locomotion.pictures import alignment_picture
@@ -23,12 +25,15 @@ from style_core.model_file import read_header
 
 __all__ = ['add_arguments', 'run']
 
+#: probability from which a style is named without another beside it
+_CERTAIN = 0.9
+
 
 def add_arguments(parser, argv):
     """FILES and what to write."""
     parser.add_argument('files', nargs='*', metavar='FILE', help='recordings with the joints of the model')
-    parser.add_argument('-o', '--output', metavar='CSV', help='write phase and position of every frame')
-    parser.add_argument('--picture', metavar='PNG', help='draw the recordings over common phases')
+    add_output(parser, '-o', '--output', what='table', metavar='CSV', help='write phase and position of every frame')
+    add_output(parser, '--picture', what='picture', metavar='PNG', help='draw the recordings over common phases')
     parser.add_argument(
         '--joints', nargs='+', metavar='JOINT', help='joints in the picture (default: the most moving four)'
     )
@@ -50,7 +55,9 @@ def run(args):
     motions = read_recordings(args.files, args.recorded_rate, model.joint_names)
     results = [analyze(model, motion) for motion in tqdm(motions, desc='analyzing', disable=None, leave=False)]
     rows = [{'recording': r.name, 'style': model.style_names[r.style],
-             'probability': float(r.style_probabilities[r.style]), 'cycles': float(np.ptp(r.phase) / (2 * np.pi)),
+             'probability': float(r.style_probabilities[r.style]),
+             'probabilities': dict(zip(model.style_names, map(float, r.style_probabilities))),
+             'cycles': float(np.ptp(r.phase) / (2 * np.pi)),
              'mean_period_s': float(2 * np.pi * np.ptp(r.times) / max(np.ptp(r.phase), 1e-9)),
              'cycle_times_s': [float(t) for t in r.cycle_times_s],
              'log_likelihood_per_value': r.log_likelihood_per_value} for r in results]
@@ -60,12 +67,12 @@ def run(args):
         for row in rows:
             limits = ', '.join(f'{t:.2f}' for t in row['cycle_times_s'])
             print(
-                f'{row["recording"]}: {row["style"]} (probability {row["probability"]:.3f}), '
+                f'{row["recording"]}: {_style(row)}, '
                 f'{row["cycles"]:.2f} cycles of {row["mean_period_s"]:.2f} s, phase 0 at {limits or "no time"} s, '
                 f'{row["log_likelihood_per_value"]:.2f} nats a value'
             )
     if args.output:
-        with open(args.output, 'w', newline='') as stream:
+        with replacing(args.output) as stream:
             table = csv.writer(stream)
             table.writerow(['recording', 'time_s', 'style', 'phase_rad', 'position'])
             for r in results:
@@ -75,6 +82,14 @@ def run(args):
     if args.picture:
         from style_core.pictures import save as save_picture
         save_picture(alignment_picture(model, motions, results, args.joints), args.picture)
+
+
+def _style(row):
+    """The style found, and the next where it might as well be that."""
+    (first, one), *rest = sorted(row['probabilities'].items(), key=lambda item: -item[1])
+    if one >= _CERTAIN or not rest:
+        return f'{first} (probability {one:.3f})'
+    return f'uncertain, {first} ({one:.3f}) or {rest[0][0]} ({rest[0][1]:.3f})'
 
 
 def _rename(model, args):

@@ -9,12 +9,13 @@ A recording may lack joints; they are marginalised exactly. One that lies outsid
 the reason.
 """
 import json
-from pathlib import Path
 
 import numpy as np
 
+from style_core.cli.files import add_output
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import UsageError
+from style_core.formats.files import replacing
 
 __all__ = ['add_arguments', 'run']
 
@@ -23,9 +24,10 @@ def add_arguments(parser, argv):
     """FILES and pictures."""
     parser.add_argument('files', nargs='*', metavar='FILE', help='recordings of any known format')
     add_recorded_rate(parser)
-    parser.add_argument('--map', metavar='PICTURE', help='draw the style map')
-    parser.add_argument('--occupancies', metavar='PICTURE', help='draw the occupancy matrices of the FILES')
-    parser.add_argument('--graph', metavar='FILE', help='draw the state graph, or write it as .dot')
+    add_output(parser, '--map', what='picture', metavar='PICTURE', help='draw the style map')
+    add_output(parser, '--occupancies', what='picture', metavar='PICTURE',
+               help='draw the occupancy matrices of the FILES')
+    add_output(parser, '--graph', what='graph', metavar='FILE', help='draw the state graph, or write it as .dot')
     parser.add_argument('--json', action='store_true', help='print one JSON object a FILE')
 
 
@@ -50,7 +52,8 @@ def run(args):
         save(occupancy_matrices([(one.name, one.gamma) for one in found]), args.occupancies)
     if args.graph:
         if args.graph.endswith('.dot'):
-            Path(args.graph).write_text(graph_dot(machine))
+            with replacing(args.graph) as stream:
+                stream.write(graph_dot(machine))
         else:
             save(state_graph(machine), args.graph)
     for picture in (args.map, args.occupancies, args.graph):

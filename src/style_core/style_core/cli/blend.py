@@ -6,6 +6,7 @@ Alpha 0 returns the first motion, 1 the second; values from -0.25 to 1.25 go a l
 dynamic time warping, so they need not have the same length or timing.
 """
 from style_core.angles import continuous
+from style_core.cli.files import add_output
 from style_core.cli.number import Number
 from style_core.effort import interpolate_motions
 from style_core.formats import read_motion, write_motion
@@ -20,7 +21,7 @@ def add_arguments(parser, argv):
     parser.add_argument('second', metavar='SECOND', help='motion file with the same joints')
     parser.add_argument('--alpha', action=Number, required=True, metavar='-0.25..1.25',
                         help='share of the second motion')
-    parser.add_argument('-o', '--output', required=True, metavar='OUT', help='motion file to write, any format')
+    add_output(parser, '-o', '--output', required=True, metavar='OUT', help='motion file to write, any format')
     parser.add_argument('--skeleton', metavar='FILE', help='needed for AMC output')
 
 

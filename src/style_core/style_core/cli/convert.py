@@ -1,10 +1,11 @@
 """Convert a recording to another format.
 
-The suffix says the format: .amc .bvh .csv .npz .mcap; a name without suffix is a ROS 2 bag (a folder).
+The suffix says the format: .amc .bvh .csv .npz .mcap; --storage says that a name without suffix is meant to be a ROS 2
+bag (a folder).
 
   motion-style convert walk.amc walk.csv                  angles in radians, lengths in metres
   motion-style convert walk.amc walk.bvh                  with the skeleton from the .asf file beside it
-  motion-style convert walk.amc walk_bag --rate 100       a bag of joint states at 100 Hz
+  motion-style convert walk.amc walk_bag --storage sqlite3 --rate 100     a bag of joint states at 100 Hz
   motion-style convert my_bag legs.csv --select '*leg*' --select '!*toe*' --start 10 --stop 20
   motion-style convert walk.csv walk.bvh --skeleton walk.asf
   motion-style convert walk.amc mirrored.amc --mirror
@@ -15,6 +16,7 @@ replaced only by a complete new one.
 import numpy as np
 
 from style_core.angles import continuous
+from style_core.cli.files import add_output
 from style_core.cli.number import Number, Positive
 from style_core.formats import read_motion, skeleton_of, write_motion
 from style_core.skeleton import read_skeleton
@@ -25,7 +27,7 @@ __all__ = ['add_arguments', 'run']
 def add_arguments(parser, argv):
     """IN, OUT and what to do in between."""
     parser.add_argument('input', metavar='IN', help='file, or folder of a bag')
-    parser.add_argument('output', metavar='OUT', help='file, or folder of a bag')
+    add_output(parser, 'output', metavar='OUT', help='file, or folder of a bag')
     parser.add_argument('--rate', action=Positive, metavar='HZ',
                         help='resample; never beyond the last frame or over gaps')
     parser.add_argument('--select', action='append', default=[], metavar='PATTERN',
@@ -41,7 +43,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--length-unit', action=Positive, metavar='M',
                         help='length unit of BVH files in metres (0.01 if left out)')
     parser.add_argument('--topic', metavar='T', help='topic of a bag (/joint_states if left out)')
-    parser.add_argument('--storage', choices=('sqlite3', 'mcap'), help='of a bag (sqlite3 if left out)')
+    parser.add_argument('--storage', choices=('sqlite3', 'mcap'), help='write a bag, a folder, stored so')
 
 
 def run(args):
@@ -62,8 +64,9 @@ def run(args):
         motion = motion.resample(args.rate)
     write_motion(motion, args.output, skeleton, storage=args.storage, **_where(args.output, args))
     missing = int(np.isnan(motion.positions).sum())
-    print(f'{args.output}: {motion.n_frames} frames, {motion.n_joints} joints, {motion.rate_hz:g} Hz, '
-          f'{motion.duration_s:.6g} s' + (f', {missing} values missing' if missing else ''))
+    course = f'{motion.rate_hz:g} Hz, {motion.duration_s:.6g} s' if motion.n_frames > 1 else 'a single pose'
+    print(f'{args.output}: {motion.n_frames} frames, {motion.n_joints} joints, {course}'
+          + (f', {missing} values missing' if missing else ''))
 
 
 def _where(path, args):

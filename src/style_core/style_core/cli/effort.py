@@ -12,6 +12,7 @@ import json
 import numpy as np
 
 from style_core.angles import continuous
+from style_core.cli.files import add_output
 from style_core.cli.number import Count, Number
 from style_core.cli.recordings import add_recorded_rate
 from style_core.effort import EFFORTS, load, restyle
@@ -29,11 +30,12 @@ def add_arguments(parser, argv):
     parser.add_argument('--flow', action=Number, metavar='-3..3', help='free (3) or bound (-3)')
     parser.add_argument('--weight', action=Number, metavar='-3..3', help='strong (3) or light (-3)')
     parser.add_argument('--time', action=Number, metavar='-3..3', help='sudden (3) or sustained (-3)')
-    parser.add_argument('-o', '--output', required=True, metavar='OUT', help='motion file to write, any format')
+    add_output(parser, '-o', '--output', required=True, metavar='OUT', help='motion file to write, any format')
     parser.add_argument('--neighbours', action=Count, least=2, default=6, metavar='K',
                         help='like fragments to try (default: 6)')
     parser.add_argument('--skeleton', metavar='FILE', help='needed for AMC output and for --picture')
-    parser.add_argument('--picture', metavar='PNG', help='draw the recording and the result as stick figures')
+    add_output(parser, '--picture', what='picture', metavar='PNG',
+               help='draw the recording and the result as stick figures')
     add_recorded_rate(parser)
     parser.add_argument('--json', action='store_true', help='print what was chosen as JSON')
 

@@ -9,6 +9,7 @@ what came before.
 """
 import numpy as np
 
+from style_core.cli.files import add_output
 from style_core.cli.number import Number
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import MotionError, UsageError
@@ -26,7 +27,7 @@ def add_arguments(parser, argv):
     parser.add_argument(
         'file', metavar='FILE', help='recording; joints of the model that it lacks altogether are added'
     )
-    parser.add_argument('-o', '--output', metavar='FILE', help='filled recording; the suffix says which format')
+    add_output(parser, '-o', '--output', metavar='FILE', help='filled recording; the suffix says which format')
     parser.add_argument('--hide', nargs='+', default=[], metavar='PATTERN', help='joints to hide first')
     parser.add_argument('--from', action=Number, dest='start', metavar='S', help='hide from this time on')
     parser.add_argument('--to', action=Number, dest='stop', metavar='S', help='hide up to this time')

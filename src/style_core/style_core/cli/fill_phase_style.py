@@ -8,6 +8,7 @@ motion-style fill MODEL.npz walk.amc -o whole.csv --mask 'rfemur.*' 'rtibia.*' '
 import numpy as np
 from tqdm import tqdm
 
+from style_core.cli.files import add_output
 from style_core.cli.predictor_arguments import add_reading, hide
 from style_core.cli.recordings import read_recording
 from style_core.formats import write_motion
@@ -21,8 +22,8 @@ __all__ = ['add_arguments', 'run']
 def add_arguments(parser, argv):
     """FILE and output."""
     parser.add_argument('file', metavar='FILE', help='recording with gaps')
-    parser.add_argument('-o', '--output', required=True, metavar='FILE', help='motion file to write')
-    parser.add_argument('--std', metavar='FILE.csv', help='also write the standard deviations, rad')
+    add_output(parser, '-o', '--output', required=True, metavar='FILE', help='motion file to write')
+    add_output(parser, '--std', what='table', metavar='FILE.csv', help='also write the standard deviations, rad')
     add_reading(parser)
 
 

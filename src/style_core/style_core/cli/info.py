@@ -12,6 +12,7 @@ import json
 
 import numpy as np
 
+from style_core.cli.files import add_output
 from style_core.cli.number import Positive
 from style_core.cli.registry import KIND_COMMANDS
 from style_core.errors import ModelError, UsageError
@@ -28,7 +29,8 @@ def add_arguments(parser, argv):
     """FILE and how to show it."""
     parser.add_argument('file', metavar='FILE', help='model file (.npz), motion file of any known format, or bag')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
-    parser.add_argument('--picture', metavar='PNG', help='draw the motion (.png, .pdf or .svg; a second file with '
+    add_output(parser, '--picture', what='picture', metavar='PNG',
+               help='draw the motion (.png, .pdf or .svg; a second file with '
                                                          '_pose in its name if a skeleton is known)')
     parser.add_argument('--select', action='append', default=[], metavar='PATTERN',
                         help="joints of a motion to show, e.g. 'l*'; '!PATTERN' leaves out")

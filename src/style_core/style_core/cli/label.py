@@ -11,6 +11,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from style_core.cli.files import add_output
 from style_core.effort import load
 from style_core.effort.labels import append_label, labelled
 from style_core.pictures import Line, joint_curves, save, stick_strip
@@ -22,7 +23,8 @@ __all__ = ['add_arguments', 'run']
 def add_arguments(parser, argv):
     """The library, the label file, who labels."""
     parser.add_argument('library', metavar='LIBRARY.npz', help='from motion-style train effort')
-    parser.add_argument('-o', '--output', required=True, metavar='CSV', help='label file; rows are added to it')
+    add_output(parser, '-o', '--output', what='table', required=True, metavar='CSV',
+               help='label file; rows are added to it')
     parser.add_argument('--labeller', required=True, metavar='NAME', help='who gives the labels')
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf to draw stick figures with')
     parser.add_argument('--pictures', default='out/labels', metavar='FOLDER',

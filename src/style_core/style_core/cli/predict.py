@@ -13,27 +13,32 @@ of every value is written beside it with --std FILE.csv.
 import numpy as np
 from tqdm import tqdm
 
+from style_core.cli.files import add_output
 from style_core.cli.number import Number, Positive
 from style_core.cli.predictor_arguments import add_method, add_reading, hide, predictor_of
 from style_core.cli.recordings import read_recording
 from style_core.errors import UsageError
 from style_core.formats import write_motion
 from style_core.motion import Motion
+from style_core.sizes import demand
 
 __all__ = ['add_arguments', 'run']
+
+#: horizons predicted at a time
+_AT_ONCE = 500
 
 
 def add_arguments(parser, argv):
     """FILE, output and times."""
     parser.add_argument('file', metavar='FILE', help='recording to follow')
-    parser.add_argument('-o', '--output', required=True, metavar='FILE', help='motion file to write')
+    add_output(parser, '-o', '--output', required=True, metavar='FILE', help='motion file to write')
     parser.add_argument('--at', action=Number, metavar='S',
                         help='time of the recording to predict from (default: its end)')
     parser.add_argument('--seconds', action=Positive, default=1.0, metavar='S', help='how far to predict (default: 1)')
     parser.add_argument('--rate', action=Positive, default=60.0, metavar='HZ', help='rate of the output (default: 60)')
     parser.add_argument('--ahead', action=Number, least=0, metavar='S',
                         help='write instead what was predicted S before each frame')
-    parser.add_argument('--std', metavar='FILE.csv', help='also write the standard deviations, rad')
+    add_output(parser, '--std', what='table', metavar='FILE.csv', help='also write the standard deviations, rad')
     add_reading(parser)
     add_method(parser)
 
@@ -54,12 +59,13 @@ def run(args):
         estimate = predictor.update(time, y)
         if args.ahead is not None:
             every.append(predictor.predict(np.array([args.ahead])))
-    if args.ahead is not None:
-        times, mean, std = (np.concatenate([getattr(one, name) for one in every]) for name in ('times', 'mean', 'std'))
-    else:
-        horizons = np.arange(1, max(round(args.seconds * args.rate), 1) + 1) / args.rate
-        prediction = predictor.predict(horizons)
-        times, mean, std = prediction.times, prediction.mean, prediction.std
+    if args.ahead is None:
+        count = max(round(args.seconds * args.rate), 1)
+        demand(6 * count * len(predictor.joint_names), f'{args.seconds:g} s at {args.rate:g} Hz, {count} frames,',
+               'a lower --rate, or less time (--seconds)')
+        horizons = np.arange(1, count + 1) / args.rate
+        every = [predictor.predict(part) for part in np.array_split(horizons, -(-count // _AT_ONCE))]
+    times, mean, std = (np.concatenate([getattr(one, name) for one in every]) for name in ('times', 'mean', 'std'))
     write_motion(Motion(predictor.joint_names, mean, times, name=motion.name), args.output)
     if args.std:
         write_motion(Motion(predictor.joint_names, std, times, name=motion.name), args.std)

@@ -11,6 +11,7 @@ import json
 import numpy as np
 
 from style_core.angles import continuous
+from style_core.cli.files import add_output
 from style_core.cli.number import Positive
 from style_core.datasets import BODY
 from style_core.errors import UsageError
@@ -30,7 +31,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--rate', action=Positive, default=20.0, metavar='HZ',
                         help='frames used (default: 20 a second)')
     parser.add_argument('--json', action='store_true', help='print the errors for machines')
-    parser.add_argument('-o', '--output', metavar='FILE', help='robot file (.yaml) to write')
+    add_output(parser, '-o', '--output', what='robot', metavar='FILE', help='robot file (.yaml) to write')
 
 
 def _read(path, rate_hz, mirror):

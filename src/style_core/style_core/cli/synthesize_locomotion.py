@@ -8,6 +8,10 @@ motion-style synthesize gaits.npz --blend "walk @ 0; run @ 5" -o change.csv --pi
 Styles are called by their names (motion-style info gaits.npz) or numbers. Weights sum to one; a weight above one
 exaggerates a style ("1.5*run - 0.5*walk").
 """
+import numpy as np
+
+from style_core.cli.exaggeration import add_exaggeration, check_far
+from style_core.cli.files import add_output
 from style_core.cli.number import Number, Positive
 from style_core.errors import UsageError
 from style_core.formats import write_motion
@@ -22,11 +26,13 @@ def add_arguments(parser, argv):
     parser.add_argument(
         '--blend', required=True, metavar='BLEND', help='weights of the styles, e.g. "0.3*run + 0.7*walk"'
     )
-    parser.add_argument('--duration', action=Positive, default=6.0, metavar='S', help='default: 6 s')
+    add_exaggeration(parser)
+    parser.add_argument('--duration', action=Positive, most=3600, default=6.0, metavar='S', help='default: 6 s')
     parser.add_argument('--rate', action=Positive, metavar='HZ', help="of the motion (default: the model's)")
     parser.add_argument('--phase', action=Number, default=0.0, metavar='RAD', help='to start at (default: 0)')
-    parser.add_argument('-o', '--output', metavar='FILE', help='motion file; the suffix says which format')
-    parser.add_argument('--picture', metavar='PNG', help='draw a strip of stick figures (needs --skeleton)')
+    add_output(parser, '-o', '--output', metavar='FILE', help='motion file; the suffix says which format')
+    add_output(parser, '--picture', what='picture', metavar='PNG',
+               help='draw a strip of stick figures (needs --skeleton)')
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf file of the body')
 
 
@@ -37,7 +43,11 @@ def run(args):
         raise UsageError('say where to write (-o) or to draw (--picture)')
     if args.picture and not args.skeleton:
         raise UsageError('--picture needs --skeleton')
-    motion, _ = synthesize(model, parse_blend(args.blend, model), args.duration, args.rate, args.phase)
+    blend = parse_blend(args.blend, model)
+    styles = dict(zip(model.style_names, np.eye(model.n_styles)))
+    for weights in blend.weights:
+        check_far(styles, model.n_styles, weights, args.max_exaggeration, model.style_names)
+    motion, _ = synthesize(model, blend, args.duration, args.rate, args.phase)
     if args.output:
         write_motion(motion, args.output)
         print(f'wrote {args.output}: {motion.n_frames} frames at {motion.rate_hz:g} Hz')

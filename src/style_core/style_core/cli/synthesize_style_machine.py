@@ -14,6 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from style_core.cli.exaggeration import add_exaggeration, check_far
+from style_core.cli.files import add_output
 from style_core.cli.number import Positive, Seed
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import UsageError
@@ -32,16 +34,18 @@ def add_arguments(parser, argv):
                          help='a random choreography of this length')
     parser.add_argument('--style', default=None, metavar='EXPR',
                         help="style of the result (default: the recording's own with --content, else generic)")
-    parser.add_argument('-o', '--output', required=True, metavar='OUT', help='motion file of any known format')
+    add_output(parser, '-o', '--output', required=True, metavar='OUT', help='motion file of any known format')
     parser.add_argument('--keep-timing', action='store_true',
                         help="with --content: keep the recording's timing instead of the style's dwell times")
+    add_exaggeration(parser)
     parser.add_argument('--seed', action=Seed, default=0, help='of a random walk (default: 0)')
     parser.add_argument('--rate', action=Positive, metavar='HZ',
                         help="rate of the result (default: the model's; AMC: 120)")
     add_recorded_rate(parser)
     parser.add_argument('--skeleton', metavar='FILE', help='.asf or .bvh to write AMC or BVH with (default: the one '
                                                            "beside the recording; for AMC CMU's)")
-    parser.add_argument('--picture', metavar='PICTURE', help='draw a strip of stick figures; needs a skeleton')
+    add_output(parser, '--picture', what='picture', metavar='PICTURE',
+               help='draw a strip of stick figures; needs a skeleton')
 
 
 def run(args):
@@ -56,11 +60,14 @@ def run(args):
         recording = named_recording(args.content, args.recorded_rate)
         found = analyze(machine, recording)
         style = machine.style(found.v if args.style is None else args.style)
+        if args.style is not None:
+            check_far(machine.styles, machine.dof, style, args.max_exaggeration)
         motion = synthesize(machine, found.gamma, style, None if args.keep_timing else found.emission.dwell)
         print(f'{recording.name}: nearest style {found.nearest} at distance {found.distance:.2f}'
               + ''.join(f'; out of range: {reason}' for reason in found.reasons))
     else:
         style = machine.style('generic' if args.style is None else args.style)
+        check_far(machine.styles, machine.dof, style, args.max_exaggeration)
         if args.sequence:
             visits = sequence(machine, args.sequence)
         else:

@@ -14,8 +14,10 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from style_core.cli.files import add_output
 from style_core.cli.number import Count, Positive, Seed
-from style_core.cli.recordings import add_recorded_rate, read_recording
+from style_core.cli.recordings import add_recorded_rate, chosen_joints, read_recording
+from style_core.cli.soundness import doubt_recordings
 from style_core.effort import joint_scale, save, train_library
 from style_core.effort.descriptors import EFFORTS
 from style_core.effort.labels import read_labels
@@ -32,10 +34,10 @@ def add_arguments(parser, argv):
     """Fragments, labels and settings."""
     parser.add_argument('files', nargs='*', metavar='FILE', help='motion files, one fragment each')
     parser.add_argument('--fragments', metavar='CSV', help='table of fragments cut out of longer recordings')
-    parser.add_argument('-o', '--output', required=True, metavar='LIBRARY.npz', help='library to write')
+    add_output(parser, '-o', '--output', what='model', required=True, metavar='LIBRARY.npz', help='library to write')
     parser.add_argument('--labels', metavar='CSV', help="a person's labels (motion-style label); computed where absent")
     parser.add_argument('--labeller', metavar='NAME', help="use this person's labels only (default: the mean of all)")
-    parser.add_argument('--joints', nargs='+', metavar='PATTERN', default=['!*fingers*', '!*thumb*'],
+    parser.add_argument('--joints', nargs='+', metavar='PATTERN',
                         help="joints to keep; '!PATTERN' excludes (default: all but fingers and thumbs)")
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf; weighs joints by how far they move '
                                                            'the body (default: all joints weigh the same)')
@@ -56,11 +58,12 @@ def run(args):
     paths = sorted({path for _, path, *_ in rows})
     recordings = {}
     for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
-        recordings[path] = read_recording(path, args.recorded_rate).resample(args.rate).select(*args.joints)
+        recordings[path] = chosen_joints(read_recording(path, args.recorded_rate).resample(args.rate), args.joints)
     motions = []
     for name, path, start, stop, _ in rows:
         piece = recordings[path] if start is None else recordings[path].slice(start, stop)
         motions.append(piece.replace(name=name, times=piece.times - piece.times[0]))
+    doubt_recordings(motions)
     contents = [content for *_, content in rows]
     if any(contents) and not all(contents):
         raise UsageError(f'{args.fragments}: the column content is empty for fragment {rows[contents.index("")][0]!r}')

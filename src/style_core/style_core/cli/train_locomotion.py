@@ -11,10 +11,13 @@ values (NaN, gaps) in the recordings are marginalised.
 from collections import Counter
 from dataclasses import replace
 
+import numpy as np
 from tqdm import tqdm
 
+from style_core.cli.files import add_output
 from style_core.cli.number import Count, Positive, Seed
-from style_core.cli.recordings import add_recorded_rate, named_recording
+from style_core.cli.recordings import add_recorded_rate, chosen_joints, named_recording
+from style_core.cli.soundness import doubt_fit, doubt_recordings, doubt_repetition
 from style_core.errors import UsageError
 from style_core.formats.files import read_table
 from style_core.locomotion.choose import choose_styles
@@ -28,7 +31,7 @@ __all__ = ['add_arguments', 'run', 'read_recordings']
 def add_arguments(parser, argv):
     """FILES, and what to find in them."""
     parser.add_argument('files', nargs='+', metavar='FILE', help='recordings of cyclic motion, of any known format')
-    parser.add_argument('-o', '--output', required=True, metavar='MODEL.npz', help='model file to write')
+    add_output(parser, '-o', '--output', what='model', required=True, metavar='MODEL.npz', help='model file to write')
     parser.add_argument('--styles', default='2-8', metavar='C',
                         help='number of styles, or a range (2-8) to choose from by held-out likelihood (default: 2-8)')
     parser.add_argument(
@@ -55,10 +58,7 @@ def read_recordings(files, recorded_rate=None, joints=None):
     motions = []
     for path in tqdm(files, desc='reading', unit='file', disable=None, leave=False):
         motion = named_recording(path, recorded_rate)
-        excluded = [f'!*{word}*' for word in ('fingers', 'thumb') if any(word in name for name in motion.joint_names)]
-        if joints or excluded:
-            motion = motion.select(*(joints or excluded))
-        motions.append(motion)
+        motions.append(chosen_joints(motion, joints))
     return motions
 
 
@@ -78,6 +78,7 @@ def run(args):
     else:
         count = counts[0]
     model = learn(motions, count, restarts=args.restarts, **options)
+    _doubt(model, motions)
     if args.labels:
         model = replace(model, style_names=_names(model, args.labels))
     save(model, args.output, training_files=training_files(args.files), seed=args.seed)
@@ -86,6 +87,15 @@ def run(args):
         print(f'{name}: cycle of {period:.2f} s, {len(members)} recordings'
               + (f' ({", ".join(members[:6])}{", ..." if len(members) > 6 else ""})' if members else ''))
     print(f'wrote {args.output}')
+
+
+def _doubt(model, motions):
+    """Say what speaks against the recordings and the fit."""
+    doubt_recordings(motions)
+    doubt_repetition(motions)
+    own = model.noise[model.labels.argmax(axis=1)] / model.scale**2
+    moved = [np.nanvar(model.features.encode(motion), axis=0) / model.scale**2 for motion in motions]
+    doubt_fit('the model', own.mean(), np.nanmean(moved))
 
 
 def _counts(text):

@@ -16,10 +16,13 @@ should share the part of the file name before the first "_" or "-" (35_01, 35_02
 new person is learned by leaving one person out after the other.
 """
 
+import numpy as np
 from tqdm import tqdm
 
+from style_core.cli.files import add_output
 from style_core.cli.number import Count, Positive
 from style_core.cli.recordings import add_recorded_rate, named_recording
+from style_core.cli.soundness import doubt_fit, doubt_recordings, doubt_repetition
 from style_core.errors import UsageError
 from style_core.phase_style import learn_correction, save_behaviours
 from style_core.phase_style.training import RATE_HZ, common_joints, to_sequence, train
@@ -30,7 +33,7 @@ __all__ = ['add_arguments', 'run']
 def add_arguments(parser, argv):
     """FILES or groups of them, and the model's settings."""
     parser.add_argument('files', nargs='*', metavar='FILE', help='recordings of one behaviour')
-    parser.add_argument('-o', '--output', required=True, metavar='MODEL.npz', help='model file to write')
+    add_output(parser, '-o', '--output', what='model', required=True, metavar='MODEL.npz', help='model file to write')
     parser.add_argument('--name', default='motion', help='name of the behaviour (default: motion)')
     parser.add_argument('--discrete', action='store_true', help='the behaviour has a start and a goal (a jump)')
     parser.add_argument('--behaviour', nargs='+', action='append', default=[], metavar=('NAME', 'FILE'),
@@ -84,6 +87,13 @@ def run(args):
     if args.histories:
         correction = learn_correction(behaviours, [[to_sequence(motions[file], joints, args.rate) for file in files]
                                                    for (_, *files), _ in groups], progress=True)
+    doubt_recordings(motions.values())
+    for ((_, *files), rhythmic), behaviour in zip(groups, behaviours):
+        own = [motions[file].joints(joints) for file in files]
+        if rhythmic:
+            doubt_repetition(own)
+        doubt_fit(behaviour.name, behaviour.noise.sum(),
+                  np.mean([np.nanvar(motion.positions, axis=0).sum() for motion in own]))
     save_behaviours(args.output, behaviours, paths, correction)
     for behaviour in behaviours:
         print(f'{behaviour.name}: {len(behaviour.sequences)} recordings, {len(set(behaviour.groups))} people, '

@@ -11,13 +11,14 @@ The skeleton beside the recordings (.asf, .bvh) weighs the joints by how far the
 weigh alike. Training is annealed: the temperature falls, then states and transitions that do not pay are removed. It
 writes its state to MODEL.npz.checkpoint every few seconds; the same command after an interruption goes on from there.
 """
-import fnmatch
 from pathlib import Path
 
 from tqdm import tqdm
 
+from style_core.cli.files import add_output
 from style_core.cli.number import Count, Number, Positive, Seed
-from style_core.cli.recordings import add_recorded_rate, named_recording
+from style_core.cli.recordings import FURNITURE, add_recorded_rate, chosen_joints, named_recording
+from style_core.cli.soundness import doubt_recordings
 from style_core.errors import UsageError
 from style_core.formats import skeleton_of
 from style_core.model_file import training_files
@@ -25,15 +26,13 @@ from style_core.skeleton import read_skeleton
 
 __all__ = ['add_arguments', 'run']
 
-_FURNITURE = ('root.*', '*fingers*', '*thumb*')
-
 
 def add_arguments(parser, argv):
     """FILES or groups of them, and the settings of training."""
     parser.add_argument('files', nargs='*', metavar='FILE', help='recordings, each a style of its own')
     parser.add_argument('--style', nargs='+', action='append', default=[], metavar=('NAME', 'FILE'),
                         help='a style and its recordings; may be given several times')
-    parser.add_argument('-o', '--output', required=True, metavar='MODEL.npz', help='model file to write')
+    add_output(parser, '-o', '--output', what='model', required=True, metavar='MODEL.npz', help='model file to write')
     parser.add_argument('--joints', nargs='+', metavar='PATTERN',
                         help="joints to learn, as shell patterns; '!PATTERN' excludes (default: all angles that the "
                              'recordings share but root, fingers and thumbs)')
@@ -60,8 +59,6 @@ def add_arguments(parser, argv):
 def run(args):
     """Read, train, save."""
     from style_core.style_machine import Settings, learn, save
-    if not args.output.endswith('.npz'):
-        raise UsageError(f'model file {args.output!r} must end in .npz')
     groups = [(Path(file).stem, [file]) for file in args.files] + [(name, files) for name, *files in args.style]
     if not groups:
         raise UsageError('give recordings to learn from')
@@ -79,6 +76,7 @@ def run(args):
     motions = [named_recording(path, args.recorded_rate)
                for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False)]
     motions = _common(motions, args.joints)
+    doubt_recordings(motions)
     checkpoint = args.output + '.checkpoint'
     with tqdm(desc='training', unit='it', disable=None, leave=False) as bar:
         def progress(row):
@@ -99,14 +97,9 @@ def run(args):
     print(f'wrote {args.output}')
 
 
-
 def _common(motions, patterns):
     """Joints that all recordings have, without root and fingers unless patterns say what to take."""
     shared = [name for name in motions[0].joint_names if all(name in motion.joint_names for motion in motions)]
     if not shared:
         raise UsageError('the recordings have no joint in common')
-    if patterns is None:
-        patterns = ['!' + pattern for pattern in _FURNITURE if fnmatch.filter(shared, pattern)]
-    motions = [motion.joints(shared) for motion in motions]
-    return [motion.select(*patterns) if patterns else motion for motion in motions]
-
+    return [chosen_joints(motion.joints(shared), patterns, FURNITURE) for motion in motions]

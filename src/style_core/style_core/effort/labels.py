@@ -60,7 +60,7 @@ def labelled(path, labeller):
 def append_label(path, fragment, efforts, labeller):
     """Add one row at once, so that nothing is lost when the session is broken off."""
     new = not Path(path).exists()
-    with open(path, 'a', newline='') as stream:
+    with open(path, 'a', newline='', encoding='utf-8') as stream:
         table = csv.writer(stream)
         if new:
             table.writerow(_COLUMNS)

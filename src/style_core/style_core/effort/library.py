@@ -283,7 +283,7 @@ def load(path):
             arrays['distances'], header['threshold'], arrays['groups'], arrays['efforts'],
             EffortScale(arrays['scale_means'], arrays['scale_deviations']), header['labeller'], content, blends,
             arrays['blend_efforts'], header['method'], settings, model, header)
-    except (KeyError, ValueError, IndexError, TypeError) as error:
+    except (KeyError, ValueError, IndexError, TypeError, ArithmeticError) as error:
         raise ModelError(f'{path} is a damaged effort library: {error}') from None
 
 

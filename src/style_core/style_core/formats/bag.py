@@ -128,7 +128,8 @@ def write(motion, path, topic=None, storage=None):
     if stamps[0] < 0 or (np.diff(stamps) <= 0).any():
         raise MotionError(f'{path}: the times cannot be stamps in nanoseconds: they are negative or closer than 1 ns')
     names, nothing = list(motion.joint_names), np.empty(0)
-    folder = Path(tempfile.mkdtemp(dir=path.absolute().parent, prefix='.' + path.name))
+    given, path = path, Path(os.path.realpath(path))
+    folder = Path(tempfile.mkdtemp(dir=path.parent, prefix='.' + path.name, suffix='.part'))
     try:
         with Writer(folder / path.stem, version=8, storage_plugin=getattr(StoragePlugin, storage.upper())) as bag:
             connection = bag.add_connection(topic or DEFAULT_TOPIC, JOINT_STATE, typestore=store)
@@ -138,11 +139,16 @@ def write(motion, path, topic=None, storage=None):
                                 velocity=nothing, effort=nothing)
                 bag.write(connection, stamp, store.serialize_cdr(message, JOINT_STATE))
         if single:
-            os.replace(next((folder / path.stem).glob('*.mcap')), path)
+            written = next((folder / path.stem).glob('*.mcap'))
+            if path.exists():
+                written.chmod(path.stat().st_mode & 0o7777)
+            os.replace(written, path)
         else:
             if path.exists():
                 path.rename(folder / 'replaced')
             (folder / path.stem).rename(path)
+    except Exception as error:  # a full disk shows in the library's, sqlite's and Python's own ways
+        raise MotionError(f'{given} cannot be written: {error}') from None
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

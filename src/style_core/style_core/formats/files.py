@@ -3,7 +3,8 @@ import contextlib
 import csv
 import io
 import os
-import tempfile
+import secrets
+import stat
 from pathlib import Path
 
 import numpy as np
@@ -64,21 +65,45 @@ def constant_step_s(motion, path):
 
 @contextlib.contextmanager
 def replacing(path, mode='w'):
-    """Open a new file that takes the place of ``path`` once it is complete; on failure the old one stays."""
+    """Open a new file that takes the place of ``path`` once it is complete; on failure the old one stays.
+
+    Text is UTF-8 whatever the locale. A new file has the permissions that the umask leaves, one that is replaced keeps
+    its own; a symbolic link stays, and the file it points at is replaced.
+
+    Raises
+    ------
+    MotionError
+        If ``path`` is a folder, its folder does not exist, or nothing can be written there (a full disk).
+    """
     path = Path(path)
-    if path.is_dir():
+    target = Path(os.path.realpath(path))
+    if target.is_dir():
         raise MotionError(f'{path} is a folder')
-    if not path.parent.is_dir():
+    if not target.parent.is_dir():
         raise MotionError(f'the folder {path.parent} does not exist')
-    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix='.' + path.name, suffix='.part')
+    if target.exists() and not target.is_file():
+        raise MotionError(f'{path} is no file that could be replaced')
+    temporary = None
     try:
-        with os.fdopen(descriptor, mode) as stream:
+        descriptor, temporary = _beside(target)
+        text = {} if 'b' in mode else {'encoding': 'utf-8', 'newline': ''}
+        with os.fdopen(descriptor, mode, **text) as stream:
             yield stream
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
-        os.replace(temporary, path)
-    except BaseException:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(temporary)
+        if target.exists():
+            os.chmod(temporary, stat.S_IMODE(target.stat().st_mode))
+        os.replace(temporary, target)
+    except BaseException as error:
+        if temporary is not None:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(temporary)
+        if isinstance(error, OSError) and not isinstance(error, BrokenPipeError):
+            raise MotionError(f'{path} cannot be written: {error.strerror or error}') from None
         raise
+
+
+def _beside(target):
+    """Open a new hidden file in the folder of ``target``: its descriptor and path; the system applies the umask."""
+    while True:
+        name = target.parent / f'.{target.name[:100]}.{secrets.token_hex(4)}.part'
+        with contextlib.suppress(FileExistsError):
+            return os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, 'O_CLOEXEC', 0), 0o666), name

@@ -1,4 +1,5 @@
 """How many styles: by the likelihood of recordings that were left out of learning."""
+import warnings
 from dataclasses import dataclass
 from typing import Tuple
 
@@ -78,13 +79,13 @@ def choose_styles(motions, counts, *, seed=0, folds=4, **options):
     bounds = []
     for row, count in enumerate(counts):
         for fold in range(folds):
-            model = learn([motions[k] for k in np.flatnonzero(part != fold)], count, seed=seed, restarts=1, **options)
+            model = _learned([motions[k] for k in np.flatnonzero(part != fold)], count, seed, options)
             emission = emission_of(model)
             for k in np.flatnonzero(part == fold):
                 x = model.features.encode(motions[k].resample(model.rate_hz))
                 score[row, k] = (smooth(model, x, n_rounds=0, emission=emission).log_likelihood
                                  / max(1, np.isfinite(x).sum()))
-        bounds.append(learn(motions, count, seed=seed, restarts=1, **options).bounds[-1])
+        bounds.append(_learned(motions, count, seed, options).bounds[-1])
     middle = np.median(score, axis=1)
     top = int(middle.argmax())
     gap = score[top] - score
@@ -94,3 +95,10 @@ def choose_styles(motions, counts, *, seed=0, folds=4, **options):
     best = next(c for c, d, e in zip(counts, typical, error) if d <= e)
     return Choice(tuple(Row(int(c), float(m), float(e), float(b)) for c, m, e, b in zip(counts, middle, error, bounds)),
                   int(best))
+
+
+def _learned(motions, count, seed, options):
+    """A candidate; that some of its styles found no recording is what the choice is about, and not said of each."""
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore')
+        return learn(motions, count, seed=seed, restarts=1, **options)

@@ -7,8 +7,10 @@ import numpy as np
 from style_core.alignment import refine_phase
 from style_core.errors import MotionError
 from style_core.locomotion import kernels
+from style_core.locomotion.em import ring_eigenvalues
 from style_core.locomotion.personal import bridge, departure, residual_sums
 from style_core.locomotion.synthesis import prototypes
+from style_core.sizes import demand
 
 __all__ = ['Emission', 'Smoothing', 'Analysis', 'emission_of', 'smooth', 'analyze', 'aligned_cycles', 'fill']
 
@@ -92,20 +94,70 @@ def smooth(model, x, n_rounds=3, emission=None):
     """
     emission = emission or emission_of(model)
     n_styles, n_positions, _ = model.mean.shape
+    demand((n_styles + 2) * len(x) * n_positions, f'{n_styles} styles of {n_positions} positions over {len(x)} frames',
+           'a shorter piece of the recording')
     occupancy = np.empty((n_styles, len(x), n_positions))
     jumps = model.jumps.copy()
-    evidence = np.empty(n_styles)
+    total_of = np.empty(n_styles)
     counts = np.empty(jumps.shape[1])
     for c in range(n_styles):
         scores = emission.log_density(x, c)
-        evidence[c], _ = kernels.forward_backward(scores, np.log(jumps[c]), occupancy[c], counts)
+        total_of[c], _ = kernels.forward_backward(scores, np.log(jumps[c]), occupancy[c], counts)
         for _ in range(n_rounds if len(x) > 1 else 0):
             own = counts + _JUMP_STRENGTH * model.jumps[c]
             jumps[c] = own / own.sum()
-            evidence[c], _ = kernels.forward_backward(scores, np.log(jumps[c]), occupancy[c], counts)
-    score = np.log(model.weights) + evidence
+            total_of[c], _ = kernels.forward_backward(scores, np.log(jumps[c]), occupancy[c], counts)
+    score = np.log(model.weights) + total_of
     total = np.logaddexp.reduce(score)
-    return Smoothing(np.exp(score - total), occupancy, jumps, float(total))
+    # while it is learned how people depart from styles, frames count as if they were independent
+    styles = np.exp(score - total) if model.personal is None else style_probabilities(model, x, occupancy)
+    return Smoothing(styles, occupancy, jumps, float(total))
+
+
+def style_probabilities(model, x, occupancy):
+    """Probability of each style, knowing that everyone departs from it in a way of their own.
+
+    A person's departure from a style is one draw, the same in every frame; taken for fresh noise frame by frame, it
+    makes the nearest of several styles certain for anybody, however far off it is. So its size counts as unknown:
+    with q_c the mean square of the residuals about style c, in units of the noise, and n the independent values that a
+    departure holds, ``P(c) ~ weights_c q_c^(-n / 2)``. That is n = (features) (positions), each counted as so many
+    independent ones as would vary alike: ``F^2 / sum C_ij^2`` for the correlations C of the residuals, and
+    ``(sum l)^2 / sum l^2`` for the eigenvalues l of the departures' covariance over the cycle.
+
+    Parameters
+    ----------
+    model : LocomotionModel
+    x : ndarray, shape (T, F)
+        NaN = missing.
+    occupancy : ndarray, shape (C, T, M)
+
+    Returns
+    -------
+    ndarray, shape (C,)
+    """
+    if model.n_styles == 1:
+        return np.ones(1)
+    seen = np.isfinite(x)
+    shown, values = np.where(seen, x, 0.0), seen.sum(axis=0)
+    misfits, features = [], []
+    for mean, own in zip(model.mean, occupancy):
+        count = own.T @ seen
+        square = (count * mean**2 - 2 * (own.T @ shown) * mean).sum(axis=0) + (shown**2).sum(axis=0)
+        misfits.append((square / model.personal.noise).sum() / values.sum())
+        features.append(_independent(np.where(seen, x - own @ mean, 0.0)))
+    eigen, twice = ring_eigenvalues(model.n_positions)
+    spread = 1 / (model.personal.pull + model.personal.smooth * eigen[:, None])
+    positions = float(np.median((twice @ spread)**2 / (twice @ spread**2)))
+    size = features[int(np.argmin(misfits))] * positions
+    scores = np.log(model.weights) - 0.5 * size * np.log(np.maximum(misfits, 1.0))
+    return np.exp(scores - np.logaddexp.reduce(scores))
+
+
+def _independent(residual):
+    """Independent features that residuals (T, F) are worth."""
+    size = np.sqrt((residual**2).sum(axis=0))
+    scaled = residual[:, size > 0] / size[size > 0]
+    return scaled.shape[1]**2 / max(((scaled.T @ scaled)**2).sum(), 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,9 @@ from style_core.errors import MotionError, UsageError
 from style_core.locomotion import em
 from style_core.locomotion.features import feature_map
 from style_core.locomotion.infer import smooth
-from style_core.locomotion.model import LocomotionModel
+from style_core.locomotion.model import LocomotionModel, without_empty_styles
 from style_core.locomotion.personal import estimate
+from style_core.sizes import demand
 
 __all__ = ['Fit', 'Sizes', 'cycle_sizes', 'fit', 'learn', 'features_of', 'standard']
 
@@ -194,6 +195,12 @@ def learn(motions, n_styles, *, seed=0, restarts=5, rate_hz=None, progress=False
     Returns
     -------
     LocomotionModel
+        With fewer styles than asked for where some found no recording.
+
+    Warns
+    -----
+    UserWarning
+        With the number of styles left out.
 
     Raises
     ------
@@ -211,6 +218,9 @@ def learn(motions, n_styles, *, seed=0, restarts=5, rate_hz=None, progress=False
     centre, scale = standard(recordings, features)
     scaled = [(x - centre) / scale for x in recordings]
     sizes = cycle_sizes(scaled, rate_hz)
+    demand(3 * max(map(len, scaled)) * sizes.n_positions * threads,
+           f'learning cycles of {sizes.n_positions} positions from {max(map(len, scaled))} frames at {rate_hz:g} Hz',
+           'a lower rate, or shorter recordings')
     n_iterations = options.get('n_iterations', 15)
     with tqdm(total=restarts * n_iterations, desc='learning', disable=None if progress else True) as bar:
         fits = [fit(scaled, sizes, n_styles, [seed, r], precision_max=(scale / features.floors)**2, threads=threads,
@@ -257,7 +267,7 @@ def standard(recordings, features):
 
 
 def _as_model(result, motions, features, rate_hz, centre, scale):
-    """Undo centring and scaling; sort styles by how many recordings they hold."""
+    """Undo centring and scaling; sort styles by how many recordings they hold, and drop those that hold none."""
     parameters, posterior = result.parameters, result.posterior
     order = np.argsort(-posterior.labels.sum(axis=0), kind='stable')
     labels = posterior.labels[:, order]
@@ -267,7 +277,7 @@ def _as_model(result, motions, features, rate_hz, centre, scale):
     jumps = (labels.T @ parameters.jumps + 0.1 * pooled) / (taken + 0.1)[:, None]
     visits = posterior.paths.visits
     visits = labels.T @ visits + 0.1 * visits.mean(axis=0)
-    return LocomotionModel(
+    return without_empty_styles(LocomotionModel(
         features,
         float(rate_hz),
         posterior.cycles.mean[order] * scale + centre,
@@ -285,4 +295,4 @@ def _as_model(result, motions, features, rate_hz, centre, scale):
         tuple(motion.name or f'recording {k}' for k, motion in enumerate(motions)),
         labels,
         result.bounds,
-    )
+    ))

@@ -1,5 +1,6 @@
 """The learned locomotion model and its file."""
-from dataclasses import dataclass
+import warnings
+from dataclasses import dataclass, replace
 from typing import Tuple
 
 import numpy as np
@@ -8,8 +9,9 @@ from style_core.errors import ModelError
 from style_core.locomotion.features import FeatureMap
 from style_core.locomotion.personal import Personal
 from style_core.model_file import load_model, save_model
+from style_core.model_schema import check_model
 
-__all__ = ['KIND', 'LocomotionModel', 'save', 'load', 'from_arrays']
+__all__ = ['KIND', 'LocomotionModel', 'without_empty_styles', 'save', 'load', 'from_arrays']
 
 KIND = 'locomotion'
 
@@ -120,6 +122,23 @@ class LocomotionModel:
         raise ModelError(f'the model has no style {name!r}; it has {", ".join(self.style_names)}')
 
 
+def without_empty_styles(model):
+    """The model without styles that hold no recording (less than half of one); a warning says how many.
+
+    Such a style is as wide as its prior: it shows no motion, but is the least wrong about everybody who is new.
+    """
+    held = model.labels.sum(axis=0)
+    kept = np.flatnonzero(held >= min(0.5, held.max()))
+    if len(kept) == len(held):
+        return model
+    warnings.warn(f'{len(held) - len(kept)} of {len(held)} styles found no recording and are left out', stacklevel=3)
+    labels, weights = model.labels[:, kept], model.weights[kept]
+    return replace(
+        model, mean=model.mean[kept], variance=model.variance[kept], noise=model.noise[kept],
+        weights=weights / weights.sum(), jumps=model.jumps[kept], dwell=model.dwell[kept],
+        style_names=tuple(model.style_names[k] for k in kept), labels=labels / labels.sum(axis=1, keepdims=True))
+
+
 _ARRAYS = ('mean', 'variance', 'noise', 'parent', 'scale', 'weights', 'jumps', 'dwell', 'labels', 'bounds')
 _PERSONAL = ('pull', 'smooth', 'noise', 'memory')
 
@@ -145,32 +164,12 @@ def from_arrays(header, arrays):
     Raises
     ------
     ModelError
-        If an entry is missing or shapes do not fit each other.
+        If an entry is missing, cannot be right, or shapes do not fit each other.
     """
-    try:
-        model = LocomotionModel(
-            FeatureMap(tuple(header['joint_names']), tuple(header['units'])), float(header['rate_hz']),
-            smoothing=float(header['smoothing']), coupling=float(header['coupling']),
-            personal=Personal(*(np.asarray(arrays[f'personal_{name}'], dtype=float) for name in _PERSONAL)),
-            style_names=tuple(header['style_names']), recordings=tuple(header['recordings']),
-            **{name: np.asarray(arrays[name], dtype=float) for name in _ARRAYS})
-    except KeyError as missing:
-        raise ModelError(f'the locomotion model lacks {missing}') from None
-    shape = model.mean.shape
-    if len(shape) != 3:
-        raise ModelError(f'the cycles of a locomotion model have shape (C, M, F), not {shape}')
-    n_styles, n_positions, n_features = shape
-    expected = {'variance': shape, 'noise': (n_styles, n_features), 'parent': (n_positions, n_features),
-                'scale': (n_features,), 'dwell': (n_styles, n_positions),
-                'weights': (n_styles,), 'labels': (len(model.recordings), n_styles)}
-    for name, size in expected.items():
-        if getattr(model, name).shape != size:
-            raise ModelError(f'{name} of the locomotion model has shape {getattr(model, name).shape}, not {size}')
-    if any(value.shape != (n_features,) or not np.isfinite(value).all() for value in vars(model.personal).values()):
-        raise ModelError('the departures of the locomotion model do not fit its features')
-    if n_features != len(model.joint_names) or len(model.style_names) != n_styles or model.jumps.shape[0] != n_styles:
-        raise ModelError('the locomotion model\'s names do not fit its arrays')
-    if not all(np.isfinite(getattr(model, name)).all() for name in _ARRAYS) or (model.noise <= 0).any() \
-            or (model.jumps <= 0).any():
-        raise ModelError('the locomotion model holds values that cannot be right (not finite, or not positive)')
-    return model
+    check_model(KIND, header, arrays)
+    return without_empty_styles(LocomotionModel(
+        FeatureMap(tuple(header['joint_names']), tuple(header['units'])), float(header['rate_hz']),
+        smoothing=float(header['smoothing']), coupling=float(header['coupling']),
+        personal=Personal(*(np.asarray(arrays[f'personal_{name}'], dtype=float) for name in _PERSONAL)),
+        style_names=tuple(header['style_names']), recordings=tuple(header['recordings']),
+        **{name: np.asarray(arrays[name], dtype=float) for name in _ARRAYS}))

@@ -7,6 +7,8 @@ from style_core.errors import ModelError
 from style_core.locomotion.infer import fillable
 from style_core.locomotion.personal import Personal, departure
 from style_core.locomotion.synthesis import prototypes
+from style_core.outliers import FAREWELL_S, Doubt
+from style_core.phase_style.gate import ObservationGate
 from style_core.predictor import Estimate, Prediction, Status
 
 __all__ = ['LocomotionPredictor', 'fill_causally']
@@ -75,18 +77,26 @@ class LocomotionPredictor:
         self._weights = model.weights
         # speeds (C, S), rad/s
         self._speeds = (2 * np.pi / model.periods_s)[:, None] * _SPEEDS
-        self._mean_period = float(model.weights @ model.periods_s)
+        # what a person nobody has seen may differ by, before it is known
+        nothing = np.zeros((n_positions, len(columns)))
+        self._stranger = departure(self._personal, nothing, nothing).variance.mean(axis=0)
+        self._gate = ObservationGate(len(columns))
+        self._doubts = Doubt(len(columns))
         self.reset()
 
     def reset(self):
         """Forget everything observed; the next update starts a search."""
+        self._gate.reset()
+        self._forget()
+
+    def _forget(self):
+        self._doubts.reset()
         n_styles = len(self._speeds)
         n_positions, n_joints = self._cycles.shape[1:]
         near = np.exp(-0.5 * (np.log(_SPEEDS) / 0.25)**2)
         self._prob = (
             np.repeat((self._weights[:, None] * near / near.sum())[:, :, None], n_positions, axis=2) / n_positions
         )
-        self._time = None
         self._seen_s = 0.0
         self._strain = 1.0
         self._count = np.zeros((n_styles, n_positions, n_joints))
@@ -102,28 +112,25 @@ class LocomotionPredictor:
 
     def update(self, time, y, mask=None):
         """Take one observation (see `style_core.predictor.OnlinePredictor`)."""
-        y = np.asarray(y, dtype=float)
-        if y.shape != (len(self.joint_names),):
-            raise ValueError(f'an observation needs shape ({len(self.joint_names)},), got {y.shape}')
-        if not np.isfinite(time):
-            raise ValueError(f'time must be a finite number, got {time}')
-        if self._time is not None and time <= self._time:
-            raise ValueError(f'time must increase: {time} s after {self._time} s')
-        seen = np.isfinite(y)
-        if mask is not None:
-            mask = np.asarray(mask, dtype=bool)
-            if mask.shape != y.shape:
-                raise ValueError(f'a mask needs shape {y.shape}, got {mask.shape}')
-            seen &= mask
-        elapsed = 1 / self._rate_hz if self._time is None else time - self._time
-        if self._time is not None:
-            self._prob = self._moved(self._prob, elapsed)
-        self._time = float(time)
+        first = self._gate.time is None
+        elapsed = self._gate.take(time, y, mask)
+        y, seen = self._gate.y, self._gate.flags()
+        if first:
+            elapsed = 1 / self._rate_hz
+        else:
+            # after minutes nothing is known of the phase, and steps stay numbers that can be counted
+            self._prob = self._moved(self._prob, min(elapsed, 600.0))
         fade = self._personal.memory**(elapsed * self._rate_hz)
         self._rest *= fade
         self._rest_variance = fade**2 * self._rest_variance + (1 - fade**2) * self._excess * self._personal.noise
         expected, spread = self._mixture(self._prob.sum(axis=1).reshape(-1))
         innovation, log_likelihood = float('nan'), 0.0
+        if seen.any():
+            seen = self._believed(y, seen, expected, spread, elapsed)
+        if self._doubts.out_s > FAREWELL_S:     # nothing fits any more: start anew, at the same time
+            self._forget()
+            seen = self._gate.flags()
+            expected, spread = self._mixture(self._prob.sum(axis=1).reshape(-1))
         if seen.any():
             gap = (y - expected - self._rest)[seen]
             innovation = float(np.mean(gap**2 / (spread + self._rest_variance)[seen]))
@@ -140,13 +147,20 @@ class LocomotionPredictor:
             self._keep_rest(y, seen, expected)
         return self._estimate(expected, spread, seen, innovation, log_likelihood)
 
+    def _believed(self, y, seen, expected, spread, elapsed):
+        """Which joints of an observation to believe (`style_core.outliers`)."""
+        doubt, gap, tracking = self._doubts, y - expected - self._rest, self._status() is Status.TRACKING
+        variance = spread + self._rest_variance + (0.0 if tracking else self._stranger)
+        believed = doubt.judge(y, gap, variance, seen, elapsed, tracking or doubt.out_s > 0)
+        if doubt.moved.any():
+            self._rest_variance = np.where(doubt.moved, self._rest_variance + gap**2, self._rest_variance)
+        return believed
+
     def predict(self, horizons):
         """Predict ``horizons`` (H,) s after the last update (see `style_core.predictor.OnlinePredictor`)."""
         horizons = np.asarray(horizons, dtype=float)
         if horizons.ndim != 1 or not np.isfinite(horizons).all() or (horizons < 0).any():
-            raise ValueError('horizons must be a list of times of at least 0 s')
-        if self._time is None:
-            raise ValueError('nothing was observed yet: predict after the first update')
+            raise ValueError('horizons must be a one-dimensional array of finite times >= 0')
         size = self._prob[:, 0].size
         kept = np.flatnonzero(self._prob > 1e-6 * self._prob.max())
         prob = self._prob.reshape(-1)[kept]
@@ -158,7 +172,7 @@ class LocomotionPredictor:
         steps = position + rate * (horizons[:, None] * n_positions / (2 * np.pi))
         whole = np.floor(steps)
         part = steps - whole
-        first = whole.astype(np.intp) % n_positions
+        first = (whole % n_positions).astype(np.intp)
         base = np.arange(len(horizons))[:, None] * size + style * n_positions
         cells = np.concatenate([base + first, base + (first + 1) % n_positions], axis=1).reshape(-1)
         share = np.concatenate([(1 - part) * prob, part * prob], axis=1)
@@ -169,9 +183,9 @@ class LocomotionPredictor:
         spread = np.maximum(weight @ square - expected**2, 0.0) \
             + weight.reshape(-1, len(self._own), n_positions).sum(axis=1) @ self._doubt
         log_memory = np.log(np.maximum(self._personal.memory, 1e-30)) * self._rate_hz
-        fade = np.exp(log_memory * horizons[:, None])
+        fade = np.exp(log_memory * np.minimum(horizons, 1e6)[:, None])
         noise = (1 - fade**2) * self._excess * self._personal.noise
-        return Prediction(self._time + horizons, expected + fade * self._rest,
+        return Prediction((self._gate.time or 0.0) + horizons, expected + fade * self._rest,
                           np.sqrt(spread + fade**2 * self._rest_variance + noise),
                           pushed @ slope + log_memory * fade * self._rest)
 
@@ -219,16 +233,18 @@ class LocomotionPredictor:
         gains = np.stack([gain, gain * ((1 - fade) / (1 + fade))], axis=2)          # (C, D, 2)
         y = np.where(seen, y, 0.0)[:, None]
         distance = self._own_square @ gains - 2 * (self._own @ (gains * y)) + (gains * y * y).sum(axis=1)[:, None]
-        constant = (seen * np.log(2 * np.pi * variance)).sum(axis=1)
+        # a style is weighed by its density: without the determinant the one with the widest noise would fit best
+        constant = np.stack([np.ones_like(fade), (1 - fade) / (1 + fade)]) @ (seen * np.log(2 * np.pi * variance)).T
+        density = -0.5 * (distance + constant.T[:, None, :])
         with np.errstate(divide='ignore'):
-            density = np.log(self._prob.sum(axis=1)) - 0.5 * (distance[:, :, 0] + constant[:, None])
-        top = density.max()
-        score = -0.5 * distance[:, :, 1]
+            whole = np.log(self._prob.sum(axis=1)) + density[:, :, 0]
+        top = whole.max()
+        score = density[:, :, 1]
         prob = self._prob * np.exp(score - score.max())[:, None, :]
         # a floor of one in a million keeps the way back open after a change that the model calls impossible
         floor = 1e-6 / prob.size
         self._prob = (prob / prob.sum() + floor) / (1 + floor * prob.size)
-        return float(top + np.log(np.exp(density - top).sum()))
+        return float(top + np.log(np.exp(whole - top).sum()))
 
     def _slopes(self, cycles):
         """Derivative by phase of cycles (..., M, D), central on the ring; per rad."""
@@ -249,9 +265,9 @@ class LocomotionPredictor:
         self._total[style] += (
             share[:, None] * (worth * np.where(seen, y, 0.0)) - share[:, None] * worth * self._cycles[style]
         )
-        if self._time - self._personal_time < _PERSONAL_EVERY_S:
+        if self._gate.time - self._personal_time < _PERSONAL_EVERY_S:
             return
-        self._personal_time = self._time
+        self._personal_time = self._gate.time
         found = departure(self._personal, self._count[style], self._total[style])
         self._own[style] = self._cycles[style] + found.mean
         self._own_square[style] = self._own[style]**2
@@ -267,7 +283,7 @@ class LocomotionPredictor:
 
     def _status(self):
         phases = self._prob.sum(axis=(0, 1))
-        if self._strain > _LOST:
+        if self._doubts.out_s > 0 or self._strain > _LOST:
             return Status.LOST
         if self._seen_s < _WARM_UP_S or abs(phases @ np.exp(1j * self._grid)) < _CONCENTRATION:
             return Status.ACQUIRING
@@ -286,7 +302,7 @@ class LocomotionPredictor:
         styles = self._prob.sum(axis=(1, 2))
         styles = styles / styles.sum()
         return Estimate(
-            self._time, phase, velocity, covariance, styles, np.diag(styles) - np.outer(styles, styles),
+            self._gate.time, phase, velocity, covariance, styles, np.diag(styles) - np.outer(styles, styles),
             expected + self._rest, np.sqrt(spread + self._rest_variance), seen, innovation, log_likelihood,
             self._status(), dict(zip(self.style_names, map(float, styles))))
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from style_core.alignment import harmonic_design
 from style_core.errors import UsageError
+from style_core.sizes import demand
 
 __all__ = ['Prototypes', 'prototypes', 'Blend', 'parse_blend', 'synthesize']
 
@@ -171,6 +172,9 @@ def synthesize(model, blend, duration_s, rate_hz=None, phase=0.0, name='blend'):
     if not (np.isfinite(duration_s) and duration_s > 0 and np.isfinite(rate_hz) and rate_hz > 0):
         raise UsageError('duration and rate must be positive')
     shapes = prototypes(model)
+    count = duration_s * rate_hz + 1
+    demand(2 * count * model.mean.shape[0] * model.mean.shape[2], f'{duration_s:g} s at {rate_hz:g} Hz, {count:.3g} '
+           'frames,', 'a lower rate or less time')
     times = np.arange(int(np.floor(duration_s * rate_hz + 1e-9)) + 1) / rate_hz
     slowest = 0.25 * shapes.pace[:, 0].min()      # an exaggerated blend must not run backwards
 

@@ -1,7 +1,8 @@
 """The style machine as an on-line predictor: filtering over states and styles from whatever joints are observed."""
 import numpy as np
 
-from style_core.errors import ModelError
+from style_core.outliers import FAREWELL_S, Doubt
+from style_core.phase_style.gate import ObservationGate
 from style_core.predictor import Estimate, Prediction, Status
 from style_core.style_machine.analysis import joint_gaussians
 from style_core.style_machine.emission import interpolate
@@ -13,6 +14,9 @@ _STYLE_MEMORY = 0.995        # a frame: how long evidence for a style counts
 _ACQUIRED_FRAMES = 15.0
 _LOST_INNOVATION = 25.0
 _TABLES = 8                  # sensor patterns whose whitening matrices are kept
+_SENSOR_SHARE = 0.02         # of a residual's variance: what remains unknown of a joint that was just measured
+_FAR = 3.0                   # standard deviations of a joint that count at most for its posture
+_SAYS_AT_MOST = 10.0         # nats by which one observation can speak against a style
 
 
 class StyleMachinePredictor:
@@ -37,18 +41,28 @@ class StyleMachinePredictor:
         gaussians = [joint_gaussians(machine, one) for one in emissions]
         self._means = np.concatenate([means for means, _ in gaussians])
         self._covs = np.concatenate([covs for _, covs in gaussians])
+        self._variances = np.einsum('nii->ni', self._covs).copy()
         self._coordinates = np.array([np.zeros(machine.dof), *machine.styles.values()])
         self._patterns = {}
+        self._gate = ObservationGate(len(self.joint_names))
+        self._doubts = Doubt(len(self.joint_names))
         self.reset()
 
     def reset(self):
         """Forget everything observed."""
+        self._gate.reset()
+        self._forget()
+
+    def _forget(self):
+        self._doubts.reset()
         n, count = self.machine.n_states, len(self._names)
         self._belief = np.tile(self.machine.start, (count, 1))
         self._score = np.zeros(count)
         self._offset = np.zeros(len(self.joint_names))
         self._residual = np.zeros(len(self.joint_names))
-        self._time, self._frames, self._innovation, self._n = None, 0.0, 1.0, n
+        # share of each joint's residual variance that is not known
+        self._unknown = np.ones(len(self.joint_names))
+        self._frames, self._innovation, self._n = 0.0, 1.0, n
 
     def _pattern(self, seen):
         key = seen.tobytes()
@@ -65,21 +79,18 @@ class StyleMachinePredictor:
 
     def update(self, time, y, mask=None):
         """Take one observation; see `predictor.OnlinePredictor`."""
-        y = np.asarray(y, dtype=float)
-        d = len(self.joint_names)
-        if y.shape != (d,) or (mask is not None and np.shape(mask) != (d,)):
-            raise ValueError(f'an observation has shape ({d},), got {y.shape}'
-                             + ('' if mask is None else f' with a mask of shape {np.shape(mask)}'))
-        if not np.isfinite(time) or (self._time is not None and not time > self._time):
-            raise ValueError(f'time must increase: {time} after {self._time}')
-        if np.isinf(y).any():
-            raise ValueError('an observation is infinite')
-        seen = ~np.isnan(y) if mask is None else np.asarray(mask, dtype=bool) & ~np.isnan(y)
-        frames = 1.0 if self._time is None else (time - self._time) * self.machine.rate_hz
-        if self._time is not None:
+        first = self._gate.time is None
+        elapsed = self._gate.take(time, y, mask)
+        y, seen = self._gate.y, self._gate.flags()
+        frames = 1.0 if first else elapsed * self.machine.rate_hz
+        if not first:
             self._belief = self._propagate(self._belief, frames)
-        self._time = time
         self._frames += min(frames, 1.0)
+        if seen.any():
+            seen = self._believed(y, seen, frames)
+        if self._doubts.out_s > FAREWELL_S:     # nothing fits any more: start anew, at the same time
+            self._forget()
+            seen = self._gate.flags()
         likelihood, innovation = 0.0, float('nan')
         persistence = self.machine.persistence
         # residuals are correlated in time: an observation says as much as its share of a frame, and of a new residual
@@ -98,33 +109,55 @@ class StyleMachinePredictor:
                 sums = joint.sum(axis=1)
             weights = self._style_weights()
             likelihood = float(np.log(weights @ sums) + peak)
-            self._score = _STYLE_MEMORY ** frames * self._score + np.log(sums)
+            said = np.log(sums)
+            self._score = _STYLE_MEMORY ** frames * self._score + np.maximum(said, said.max() - _SAYS_AT_MOST)
             self._belief = joint / sums[:, None]
             posterior = self._posterior()
             innovation = float(posterior.ravel() @ square) / int(seen.sum())
-            self._innovation += 0.1 * share * (innovation - self._innovation)
+            self._innovation += 0.1 * share * (min(innovation, 100.0) - self._innovation)
             mean = posterior.ravel() @ self._means
-            gap = np.where(seen, y - mean - self._offset, 0.0)
+            # what lies far out says little about the posture: one wild sample must not be remembered for seconds
+            most = _FAR * np.sqrt(self._spread(posterior.ravel(), mean))
+            gap = np.where(seen, np.clip(y - mean - self._offset, -most, most), 0.0)
             self._offset += _OFFSET_GAIN * share * gap
-            decay = persistence ** min(frames, 1e3)
-            self._residual = np.where(seen, y - mean - self._offset, decay * self._residual)
         else:
             posterior = self._posterior()
             mean = posterior.ravel() @ self._means
-            self._residual = persistence ** min(frames, 1e3) * self._residual
+        decay = persistence ** min(frames, 1e3)
+        self._residual = np.where(seen, y - mean - self._offset, decay * self._residual)
+        self._unknown = np.where(seen, _SENSOR_SHARE, 1 - decay**2 * (1 - self._unknown))
         flat = posterior.ravel()
-        spread = flat @ (np.einsum('nii->ni', self._covs) + (self._means - mean) ** 2)
+        spread = self._spread(flat, mean)
         v = posterior.sum(axis=1) @ self._coordinates
         gaps = self._coordinates - v
         nan = float('nan')
-        if self._frames < _ACQUIRED_FRAMES:
-            status = Status.ACQUIRING
-        else:
-            status = Status.LOST if self._innovation > _LOST_INNOVATION else Status.TRACKING
         return Estimate(
-            float(time), nan, nan, np.full((2, 2), nan), v, (gaps * posterior.sum(axis=1)[:, None]).T @ gaps,
-            mean + self._offset + self._residual, np.where(seen, 0.0, np.sqrt(spread)), seen, innovation, likelihood,
-            status, dict(zip(self._names, posterior.sum(axis=1).tolist())))
+            self._gate.time, nan, nan, np.full((2, 2), nan), v, (gaps * posterior.sum(axis=1)[:, None]).T @ gaps,
+            mean + self._offset + self._residual, np.sqrt(self._unknown * spread), seen, innovation, likelihood,
+            self._status(), dict(zip(self._names, posterior.sum(axis=1).tolist())))
+
+    def _status(self):
+        if self._frames < _ACQUIRED_FRAMES:
+            return Status.ACQUIRING
+        elsewhere = self._doubts.out_s > 0 or self._innovation > _LOST_INNOVATION
+        return Status.LOST if elsewhere else Status.TRACKING
+
+    def _believed(self, y, seen, frames):
+        """Which joints of an observation to believe (`style_core.outliers`)."""
+        doubt, flat = self._doubts, self._posterior().ravel()
+        mean = flat @ self._means
+        decay = self.machine.persistence ** min(frames, 1e3)
+        gap = y - mean - self._offset - decay * self._residual
+        tracking = self._status() is Status.TRACKING
+        variance = self._spread(flat, mean)
+        if tracking:    # then most of what a joint differs by from its state is known from the last frame
+            variance = variance * (1 - decay**2 * (1 - self._unknown))
+        return doubt.judge(y, gap, variance, seen, frames / self.machine.rate_hz,
+                           tracking or doubt.out_s > 0)
+
+    def _spread(self, flat, mean):
+        """Variance (D,) of the joints under probabilities of the states."""
+        return flat @ (self._variances + (self._means - mean) ** 2)
 
     def _style_weights(self):
         weights = np.exp(self._score - self._score.max())
@@ -143,11 +176,9 @@ class StyleMachinePredictor:
 
     def predict(self, horizons):
         """Mean, standard deviation and velocity ahead; see `predictor.OnlinePredictor`."""
-        if self._time is None:
-            raise ModelError('nothing observed yet: no prediction')
         horizons = np.asarray(horizons, dtype=float)
         if horizons.ndim != 1 or not (np.isfinite(horizons).all() and (horizons >= 0).all()):
-            raise ValueError('horizons must have shape (H,), finite and not negative')
+            raise ValueError('horizons must be a one-dimensional array of finite times >= 0')
         frames = np.minimum(horizons * self.machine.rate_hz, 1000.0)
         belief, chain = self._posterior(), []
         for _ in range(int(np.ceil(frames.max(initial=0.0))) + 2):
@@ -158,12 +189,13 @@ class StyleMachinePredictor:
         part = (frames - whole)[:, None]
         flat = (1 - part) * chain[whole] + part * chain[whole + 1]
         mean = flat @ self._means
-        spread = np.maximum(flat @ (np.einsum('nii->ni', self._covs) + self._means ** 2) - mean ** 2, 0.0)
+        spread = np.maximum(flat @ (self._variances + self._means ** 2) - mean ** 2, 0.0)
         decay = self.machine.persistence ** frames[:, None]
         slope = (chain[whole + 1] - chain[whole]) @ self._means
         fading = np.log(np.maximum(self.machine.persistence, 1e-6)) * decay * self._residual
-        return Prediction(self._time + horizons, mean + self._offset + decay * self._residual,
-                          np.sqrt((1 - decay ** 2) * spread + 1e-12), (slope + fading) * self.machine.rate_hz)
+        return Prediction((self._gate.time or 0.0) + horizons, mean + self._offset + decay * self._residual,
+                          np.sqrt((1 - decay ** 2 * (1 - self._unknown)) * spread),
+                          (slope + fading) * self.machine.rate_hz)
 
 
 def _tempering(persistence):

@@ -3,6 +3,7 @@ import numpy as np
 
 from style_core.errors import ModelError
 from style_core.motion import Motion
+from style_core.sizes import demand
 from style_core.style_machine.choreography import scale_dwell, visits_to_path
 from style_core.style_machine.trajectory import information, trajectory
 
@@ -45,6 +46,9 @@ def synthesize(machine, content, style='generic', dwell=None, name=''):
 def synthesize_visits(machine, visits, style='generic', name=''):
     """Most likely motion for visits (state, stay in units of the style's dwell time); see `choreography.sequence`."""
     dwell = machine.at(style).dwell
+    frames, size = sum(stay * dwell[state] for state, stay in visits), len(machine.joint_names)
+    demand(frames * (4 * size + 3 * machine.coordinates.leading**2), f'a motion of {frames:.3g} frames',
+           'a shorter sequence, or a style less far out')
     path = visits_to_path([(state, stay * dwell[state]) for state, stay in visits])
     return synthesize(machine, path, style, name=name)
 

@@ -11,7 +11,6 @@ fixed (docs/style_machine.md derives them), so J never rises while T and T' stay
 """
 import hashlib
 import json
-import os
 import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from typing import Tuple
 import numpy as np
 
 from style_core.errors import ModelError, UsageError
+from style_core.formats.files import replacing
 from style_core.hmm import Hmm, em_step, log_density, moments, occupancy, viterbi
 from style_core.style_machine import entropic
 
@@ -464,13 +464,10 @@ def _fingerprint(sequences, styles, settings):
 
 
 def _save_checkpoint(path, run, fingerprint):
-    path = Path(path)
     record = {'fingerprint': fingerprint, 'stage': run.stage, 'iteration': run.iteration,
               'settled': run.settled, 'history': run.history}
-    part = path.with_name(path.name + '.part')
-    with open(part, 'wb') as stream:
+    with replacing(path, 'wb') as stream:
         np.savez(stream, record=np.array(json.dumps(record)), **vars(run.family))
-    os.replace(part, path)
 
 
 def _load_checkpoint(path, fingerprint):

@@ -6,6 +6,7 @@ from typing import Mapping, Optional, Tuple
 import numpy as np
 
 from style_core.errors import ModelError
+from style_core.formats.files import replacing
 from style_core.joint_file import read_joint_file
 
 __all__ = ['RobotJoint', 'Robot', 'BoundRobot', 'read_robot', 'write_robot', 'plain_robot']
@@ -211,4 +212,5 @@ def write_robot(robot, path, comment=''):
         parts += [f'{key}: {getattr(joint, key):g}' for key in ('velocity', 'acceleration')
                   if np.isfinite(getattr(joint, key)) and getattr(joint, key) != common.get(key)]
         lines.append(f'  {name}: {{' + ', '.join(parts) + '}')
-    Path(path).write_text('\n'.join(lines) + '\n', encoding='utf-8')
+    with replacing(path) as stream:
+        stream.write('\n'.join(lines) + '\n')

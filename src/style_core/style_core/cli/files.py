@@ -1,0 +1,100 @@
+"""Files that commands write: declared with `add_output`, checked by `check_outputs` before any work is done."""
+import argparse
+import os
+from pathlib import Path
+
+from style_core.errors import UsageError
+from style_core.formats import FORMATS
+
+__all__ = ['add_output', 'check_outputs']
+
+#: what is written -> suffixes that say so
+_SUFFIXES = {
+    'motion': tuple(sorted(filter(None, FORMATS))), 'model': ('.npz',), 'table': ('.csv',),
+    'picture': ('.png', '.pdf', '.svg'), 'graph': ('.png', '.pdf', '.svg', '.dot'), 'robot': ('.yaml', '.yml')}
+
+
+class _Written(str):
+    """Name of a file that a command writes; ``what`` is a key of `_SUFFIXES`."""
+
+    what = 'motion'
+
+
+class _Store(argparse.Action):
+    """Stores the name of a file to write."""
+
+    def __init__(self, option_strings, dest, what='motion', **options):
+        super().__init__(option_strings, dest, **options)
+        self._what = what
+
+    def __call__(self, parser, namespace, value, option_string=None):
+        """Store it."""
+        value = _Written(value)
+        value.what = self._what
+        setattr(namespace, self.dest, value)
+
+
+def add_output(parser, *flags, what='motion', **options):
+    """Add the argument for a file to write, and ``--force`` with the first of them.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    *flags : str
+        As of ``add_argument``.
+    what : {'motion', 'model', 'table', 'picture', 'graph', 'robot'}
+    **options
+        As of ``add_argument``.
+    """
+    parser.add_argument(*flags, action=_Store, what=what, **options)
+    if '--force' not in parser._option_string_actions:
+        parser.add_argument('--force', action='store_true',
+                            help='write even where that replaces a file which this command reads, or writes itself')
+
+
+def check_outputs(args):
+    """Refuse outputs that cannot be meant: without their suffix, where nothing can be written, or over an input.
+
+    Every other word of the command line that names something there is counts as an input.
+
+    Raises
+    ------
+    UsageError
+        Naming the file as it was given.
+    """
+    words = list(_words(vars(args).values()))
+    outputs = [word for word in words if isinstance(word, _Written)]
+    inputs = [word for word in words if not isinstance(word, _Written) and word and os.path.exists(word)]
+    for output in outputs:
+        _check_name(output, getattr(args, 'storage', None))
+    if getattr(args, 'force', False):
+        return
+    for index, output in enumerate(outputs):
+        for other, what in [*((word, 'is read as well') for word in inputs),
+                            *((word, 'is written twice') for word in outputs[:index])]:
+            if os.path.realpath(output) == os.path.realpath(other) or (
+                    os.path.exists(output) and os.path.exists(other) and os.path.samefile(output, other)):
+                raise UsageError(f'{output} {what}: give another name, or --force')
+
+
+def _check_name(output, storage):
+    suffixes, path = _SUFFIXES[output.what], Path(output)
+    suffix = path.suffix.lower()
+    if output.what == 'motion' and not suffix:
+        if storage is None:
+            raise UsageError(f'{output} has no suffix, which would say the format ({" ".join(suffixes)}); a bag, which '
+                             'is a folder, is written by motion-style convert --storage')
+    elif suffix not in suffixes:
+        raise UsageError(f'{output}: a {output.what} file must end in {" or ".join(suffixes)}')
+    elif path.is_dir():
+        raise UsageError(f'{output} is a folder')
+    if output.what not in ('picture', 'graph') and not Path(os.path.realpath(path)).parent.is_dir():
+        raise UsageError(f'the folder {path.parent} does not exist')
+
+
+def _words(values):
+    for value in values:
+        if isinstance(value, str):
+            yield value
+        elif isinstance(value, (list, tuple)):
+            yield from _words(value)
