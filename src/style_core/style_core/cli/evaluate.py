@@ -40,7 +40,7 @@ def run(args):
     horizons = paper_horizons(args.horizon)
     results = {}
     for path in tqdm(args.files, desc='evaluating', unit='file', disable=None, leave=False):
-        motion = read_recording(path, args.recorded_rate).joints(list(names)).resample(RATE_HZ)
+        motion = read_recording(path, args.recorded_rate, args.unit).joints(list(names)).resample(RATE_HZ)
         if motion.n_frames <= args.horizon:
             raise MotionError(f'{path} has {motion.n_frames} frames at {RATE_HZ:g} Hz: too short to score a prediction '
                               f'of {args.horizon} frames (--horizon)')

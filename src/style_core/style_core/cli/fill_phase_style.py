@@ -30,7 +30,7 @@ def run(args):
     """Fill and write."""
     behaviours = load_behaviours(args.model)
     names = behaviours[0].joint_names
-    motion = read_recording(args.file, args.recorded_rate)
+    motion = read_recording(args.file, args.recorded_rate, args.unit)
     masked, hidden = hide(motion, names, args.mask)
     filled, std, report = fill(behaviours, masked, lambda pieces: tqdm(pieces, desc='smoothing', unit='piece',
                                                                        disable=None, leave=False))

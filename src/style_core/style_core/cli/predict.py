@@ -41,7 +41,7 @@ def add_arguments(parser, argv):
 def run(args):
     """Predict and write."""
     predictor, _ = predictor_of(args)
-    motion = read_recording(args.file, args.recorded_rate).joints(list(predictor.joint_names))
+    motion = read_recording(args.file, args.recorded_rate, args.unit).joints(list(predictor.joint_names))
     motion, _ = hide(motion, predictor.joint_names, args.mask)
     if args.at is not None:
         if not motion.times[0] <= args.at <= motion.times[-1]:

@@ -53,7 +53,7 @@ def run(args):
         raise UsageError('--picture needs --skeleton')
     recording = None
     if args.content:
-        recording = named_recording(args.content, args.recorded_rate)
+        recording = named_recording(args.content, args.recorded_rate, args.unit)
         found = analyze(machine, recording)
         style = machine.style(found.v if args.style is None else args.style)
         motion = synthesize(machine, found.gamma, style, None if args.keep_timing else found.emission.dwell)

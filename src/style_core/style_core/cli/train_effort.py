@@ -56,7 +56,7 @@ def run(args):
     paths = sorted({path for _, path, *_ in rows})
     recordings = {}
     for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
-        recordings[path] = read_recording(path, args.recorded_rate).resample(args.rate).select(*args.joints)
+        recordings[path] = read_recording(path, args.recorded_rate, args.unit).resample(args.rate).select(*args.joints)
     motions = []
     for name, path, start, stop, _ in rows:
         piece = recordings[path] if start is None else recordings[path].slice(start, stop)

@@ -49,12 +49,12 @@ def add_arguments(parser, argv):
     )
 
 
-def read_recordings(files, recorded_rate=None, joints=None):
+def read_recordings(files, recorded_rate=None, joints=None, unit=None):
     """Motions of files, continuous and named by their stem; all channels but fingers and thumbs unless ``joints``
     says."""
     motions = []
     for path in tqdm(files, desc='reading', unit='file', disable=None, leave=False):
-        motion = named_recording(path, recorded_rate)
+        motion = named_recording(path, recorded_rate, unit)
         excluded = [f'!*{word}*' for word in ('fingers', 'thumb') if any(word in name for name in motion.joint_names)]
         if joints or excluded:
             motion = motion.select(*(joints or excluded))
@@ -65,7 +65,7 @@ def read_recordings(files, recorded_rate=None, joints=None):
 def run(args):
     """Learn, name, save."""
     counts = _counts(args.styles)
-    motions = read_recordings(args.files, args.recorded_rate, args.joints)
+    motions = read_recordings(args.files, args.recorded_rate, args.joints, args.unit)
     options = {'seed': args.seed, 'rate_hz': args.rate, 'n_iterations': args.iterations,
                'threads': args.threads, 'progress': True}
     if len(counts) > 1:

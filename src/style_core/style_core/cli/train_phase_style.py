@@ -66,7 +66,7 @@ def run(args):
     paths = sorted({file for (_, *files), _ in groups for file in files})
     motions = {}
     for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
-        motions[path] = named_recording(path, args.recorded_rate)
+        motions[path] = named_recording(path, args.recorded_rate, args.unit)
     joints = common_joints(list(motions.values()), args.joints)
     phase_of = None
     if args.aligned_by:

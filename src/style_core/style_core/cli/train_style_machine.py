@@ -76,7 +76,7 @@ def run(args):
              'heat': args.heat, 'cross_entropy': args.cross_entropy, 'init': args.init}
     settings = Settings(**{key: value for key, value in given.items() if value is not None})
     skeleton = read_skeleton(args.skeleton) if args.skeleton else skeleton_of(paths[0])
-    motions = [named_recording(path, args.recorded_rate)
+    motions = [named_recording(path, args.recorded_rate, args.unit)
                for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False)]
     motions = _common(motions, args.joints)
     checkpoint = args.output + '.checkpoint'

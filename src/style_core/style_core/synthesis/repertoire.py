@@ -6,10 +6,9 @@ from typing import Mapping, Optional, Tuple
 import numpy as np
 
 from style_core import phase_style, style_machine
-from style_core.angles import continuous
 from style_core.errors import ModelError, UsageError
-from style_core.formats import read_motion
 from style_core.model_file import read_header
+from style_core.recordings import read_recording
 from style_core.skeleton import read_skeleton
 from style_core.synthesis.sources.phase_style import CycleSource, FollowSource
 from style_core.synthesis.sources.recording import MotionFileSource
@@ -122,7 +121,7 @@ class Repertoire:
             return MotionFileSource(self.recording, loop, speed)
         if mode == 'effort':
             from style_core.synthesis.sources.effort import RestyledSource
-            return RestyledSource(self.library, continuous(self.recording), loop, speed)
+            return RestyledSource(self.library, self.recording, loop, speed)
         if mode == 'random_walk':
             return MachineSource(self.machine, visits=style_machine.random_walk(self.machine, seed=seed), speed=speed,
                                  lag=lag)
@@ -157,7 +156,7 @@ def load_repertoire(model='', file='', skeleton='', rate_hz=0.0):
         raise UsageError('give a model file, a motion file, or both')
     recording = None
     if file:
-        recording = read_motion(file, read_skeleton(skeleton) if skeleton else None)
+        recording = read_recording(file, read_skeleton(skeleton) if skeleton else None)
         if rate_hz:
             recording = recording.resample(rate_hz)
         if not model:
