@@ -4,6 +4,8 @@ from typing import Mapping
 
 from style_core import phase_style
 from style_core.errors import ModelError, UsageError
+from style_core.joint_space import space_of
+from style_core.joint_space.online import SpacedPredictor
 from style_core.model_file import read_header
 from style_core.phase_style.full import PARTS
 from style_core.predictor import OnlinePredictor
@@ -81,7 +83,8 @@ def read_predictor(path, method=phase_style.METHODS[0], without=()):
 def _phase_style(path, method, without):
     behaviours, correction = phase_style.load_parts(path)
     options = {'without': without, 'correction': correction} if method == phase_style.METHODS[0] else {}
-    return FilePredictor(phase_style.KIND, phase_style.make_predictor(behaviours, method, **options),
+    predictor, space = phase_style.make_predictor(behaviours, method, **options), space_of(path)
+    return FilePredictor(phase_style.KIND, predictor if space is None else SpacedPredictor(predictor, space),
                          {one.name: one.rhythmic for one in behaviours}, behaviours[0].rate_hz)
 
 

@@ -21,6 +21,7 @@ from tqdm import tqdm
 from style_core.cli.number import Count, Positive
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import UsageError
+from style_core.joint_space import fit_space
 from style_core.phase_style import learn_correction, save_behaviours
 from style_core.phase_style.training import RATE_HZ, common_joints, to_sequence, train
 
@@ -68,13 +69,15 @@ def run(args):
     for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
         motions[path] = named_recording(path, args.recorded_rate, args.unit)
     joints = common_joints(list(motions.values()), args.joints)
+    space, motions = _in_joint_space(motions, joints)
     phase_of = None
     if args.aligned_by:
         from style_core.locomotion import analyze, load
         aligner = load(args.aligned_by)
+        recorded = {motion.name: space.decode_motion(motion) for motion in motions.values()}
 
         def phase_of(motion):
-            found = analyze(aligner, motion)
+            found = analyze(aligner, recorded[motion.name])
             return found.times, found.phase
     behaviours = [
         train([motions[file] for file in files], name, rhythmic, joints, args.styles, args.rate, progress=True,
@@ -84,7 +87,7 @@ def run(args):
     if args.histories:
         correction = learn_correction(behaviours, [[to_sequence(motions[file], joints, args.rate) for file in files]
                                                    for (_, *files), _ in groups], progress=True)
-    save_behaviours(args.output, behaviours, paths, correction)
+    save_behaviours(args.output, behaviours, paths, correction, space)
     for behaviour in behaviours:
         print(f'{behaviour.name}: {len(behaviour.sequences)} recordings, {len(set(behaviour.groups))} people, '
               f'{len(behaviour.joint_names)} joints, {behaviour.style_dimension} styles')
@@ -94,3 +97,10 @@ def run(args):
               '{:.2f} while tracking, {:.2f} while searching'.format(*correction.weight.mean(axis=1)))
         print('the file holds recorded motion: share it only where the recordings may be shared')
     print(f'wrote {args.output}')
+
+
+def _in_joint_space(motions, joints):
+    """What is learned in, and the recordings' joints in it."""
+    chosen = {path: motion.joints(joints) for path, motion in motions.items()}
+    space = fit_space(list(chosen.values()))
+    return space, {path: space.encode_motion(motion) for path, motion in chosen.items()}

@@ -9,9 +9,10 @@ import numpy as np
 from style_core.angles import matrices_of, reordered, triples_from
 from style_core.errors import ModelError, MotionError
 from style_core.joint_space import kernels
+from style_core.model_file import load_model
 from style_core.motion import USUAL_ORDER, triples_of
 
-__all__ = ['JointSpace', 'fit_space', 'read_space']
+__all__ = ['JointSpace', 'fit_space', 'read_space', 'space_of']
 
 #: an angle is folded to the turn of its centre only if all that was seen of it lies within this of the centre, rad
 _FOLDED = np.radians(170.0)
@@ -118,6 +119,25 @@ class JointSpace:
         kernels.encode(rows, self.columns, self.axes, self.homes, self.frames, result)
         return result.reshape(angles.shape)
 
+    def encode_some(self, angles):
+        """Coordinates of poses, shape (T, D), where single angles of ball joints may be missing.
+
+        The coordinates of those that are there count, the others taken as at home, away from the gimbal lock; else the
+        joint is missing as a whole.
+        """
+        there = ~np.isnan(angles)
+        of_ball = there[:, self.columns]                                     # (T, K, 3)
+        partly = of_ball.any(axis=2) & ~of_ball.all(axis=2) & self.apart
+        if not partly.any():
+            return self.encode(angles)
+        given = angles.copy()
+        for k, columns in enumerate(self.columns):
+            rows = np.flatnonzero(partly[:, k])
+            given[np.ix_(rows, columns)] = np.where(of_ball[rows, k], angles[np.ix_(rows, columns)], self.home[columns])
+        values = self.encode(given)
+        values[:, self.columns] = np.where(partly[:, :, None] & ~of_ball, np.nan, values[:, self.columns])
+        return values
+
     def decode(self, values, near=None, std=None, velocity=None):
         """Angles of coordinates; of equivalent angles of a ball joint those nearest to the frame before.
 
@@ -162,7 +182,7 @@ class JointSpace:
         own = [self._index[name] for name in there]
         angles[:, own] = motion.positions[:, place]
         positions = motion.positions.copy()
-        positions[:, place] = self.encode(angles)[:, own]
+        positions[:, place] = self.encode_some(angles)[:, own]
         return motion.replace(positions=positions)
 
     def decode_motion(self, motion, near=None):
@@ -176,6 +196,34 @@ class JointSpace:
         positions[:, place] = self.decode(values, near)[:, own]
         orders = {joint: order for joint, order in self.orders.items() if joint in motion.triples}
         return motion.replace(positions=positions, orders={**motion.orders, **orders})
+
+    def fill_in(self, angles, values, std):
+        """Fill the gaps of a recording from coordinates.
+
+        Parameters
+        ----------
+        angles : ndarray, shape (T, D)
+            Rad; NaN where missing.
+        values, std : ndarray, shape (T, D)
+            Coordinates of all joints in every frame (those observed among them), and their standard deviations.
+
+        Returns
+        -------
+        filled, std : ndarray, shape (T, D)
+            No angle that was there is changed; those that are filled in follow its branch.
+        """
+        filled, spread = angles.copy(), std.copy()
+        holes = np.isnan(angles)
+        near = self.home.copy()
+        known = ~holes
+        for column in np.flatnonzero(known.any(axis=0)):  # a gap at the start follows what comes after it
+            near[column] = angles[np.argmax(known[:, column]), column]
+        for t in range(len(angles)):
+            decoded, spread[t] = self.decode(values[t], near, std[t])
+            turns = np.where(self.folds, 2 * np.pi * np.round((near - decoded) / (2 * np.pi)), 0.0)
+            filled[t] = np.where(holes[t], decoded + turns, angles[t])
+            near = filled[t]
+        return filled, spread
 
     def select(self, names):
         """The space of some channels, in their order; a ball joint without one of its angles is refused (ModelError)."""
@@ -223,6 +271,11 @@ def read_space(header, arrays):
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ModelError(f'the joint space of the model is damaged: {error}') from None
     return space
+
+
+def space_of(path):
+    """The joint space of a model file, or None (ModelError for a file that is none or damaged)."""
+    return read_space(*load_model(path))
 
 
 def fit_space(motions, leave=()):

@@ -2,6 +2,7 @@
 import numpy as np
 
 from style_core.errors import ModelError
+from style_core.joint_space.online import InJointSpace, border_of
 from style_core.predictor import Estimate, Prediction, Status
 from style_core.style_machine.analysis import joint_gaussians
 from style_core.style_machine.emission import interpolate
@@ -15,7 +16,7 @@ _LOST_INNOVATION = 25.0
 _TABLES = 8                  # sensor patterns whose whitening matrices are kept
 
 
-class StyleMachinePredictor:
+class StyleMachinePredictor(InJointSpace):
     """Filter the hidden states of every training style (and the generic model) and predict by their transitions.
 
     Beside the state a slow offset of each joint (posture the styles do not know) and the residual of the last
@@ -39,10 +40,11 @@ class StyleMachinePredictor:
         self._covs = np.concatenate([covs for _, covs in gaussians])
         self._coordinates = np.array([np.zeros(machine.dof), *machine.styles.values()])
         self._patterns = {}
+        self._border = border_of(machine.space, machine.joint_names)
+        self.orders = machine.orders
         self.reset()
 
-    def reset(self):
-        """Forget everything observed."""
+    def _reset(self):
         n, count = self.machine.n_states, len(self._names)
         self._belief = np.tile(self.machine.start, (count, 1))
         self._score = np.zeros(count)
@@ -63,8 +65,7 @@ class StyleMachinePredictor:
             self._patterns[key] = (white.reshape(-1, int(seen.sum())), offset, constant)
         return self._patterns[key]
 
-    def update(self, time, y, mask=None):
-        """Take one observation; see `predictor.OnlinePredictor`."""
+    def _update(self, time, y, mask):
         y = np.asarray(y, dtype=float)
         d = len(self.joint_names)
         if y.shape != (d,) or (mask is not None and np.shape(mask) != (d,)):
@@ -141,8 +142,7 @@ class StyleMachinePredictor:
         rest = min(frames, 1000) - whole
         return (1 - rest) * belief + rest * (belief @ self.machine.trans) if rest > 1e-9 else belief
 
-    def predict(self, horizons):
-        """Mean, standard deviation and velocity ahead; see `predictor.OnlinePredictor`."""
+    def _predict(self, horizons):
         if self._time is None:
             raise ModelError('nothing observed yet: no prediction')
         horizons = np.asarray(horizons, dtype=float)
