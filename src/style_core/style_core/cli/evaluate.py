@@ -7,15 +7,16 @@ motion-style evaluate MODEL.npz walk.amc --method paper --json
 Every recording is brought to 60 Hz, the rate of the published protocol, and the model predicts the next 25 frames at
 every frame. E is the mean squared error over instants, frames ahead and joints, in degrees squared; RMS is by
 horizon, in degrees; "still" is the error of expecting that nothing moves. Coverage is the share of values inside the
-90 % band. Times are of this machine.
+90 % band. Times are of this machine. Recordings that cannot be used are counted and named; the others go on.
 """
 import json
+import sys
 
 import numpy as np
 from tqdm import tqdm
 
 from style_core.cli.number import Count
-from style_core.cli.predictor_arguments import add_method, add_reading, hide, predictor_of
+from style_core.cli.predictor_arguments import add_method, add_reading, fitted, hide, predictor_of
 from style_core.cli.recordings import read_recording
 from style_core.errors import MotionError
 from style_core.evaluation import FRAMES_AHEAD, RATE_HZ, paper_horizons, roll_out, summary
@@ -38,20 +39,26 @@ def run(args):
     predictor, method = predictor_of(args)
     names = predictor.joint_names
     horizons = paper_horizons(args.horizon)
-    results = {}
+    results, failures = {}, {}
     for path in tqdm(args.files, desc='evaluating', unit='file', disable=None, leave=False):
-        motion = read_recording(path, args.recorded_rate, args.unit).joints(list(names)).resample(RATE_HZ)
-        if motion.n_frames <= args.horizon:
-            raise MotionError(f'{path} has {motion.n_frames} frames at {RATE_HZ:g} Hz: too short to score a prediction '
-                              f'of {args.horizon} frames (--horizon)')
+        try:
+            motion = _read(path, args, predictor)
+        except MotionError as error:
+            failures[str(path)] = error
+            continue
         _, hidden = hide(motion, names, args.mask)
         observed = np.ones(motion.positions.shape, dtype=bool)
         observed[:, [names.index(name) for name in hidden]] = False
         key = motion.name if motion.name and motion.name not in results else str(path)
         results[key] = summary(roll_out(predictor, motion, horizons, observed))
+    if not results:
+        raise next(iter(failures.values()))
+    for error in failures.values():
+        print(f'motion-style evaluate: {error}', file=sys.stderr)
     if args.json:
         print(json.dumps({'model': args.model, 'method': method, 'masked': list(args.mask),
-                          'recordings': results}, indent=1))
+                          'recordings': results, 'failed': {path: str(error) for path, error in failures.items()}},
+                         indent=1))
         return
     shown = sorted({0, min(4, args.horizon - 1), min(9, args.horizon - 1), min(14, args.horizon - 1),
                     args.horizon - 1})
@@ -72,3 +79,13 @@ def run(args):
         print('  '.join([row[0].ljust(widths[0])] + [cell.rjust(width) for cell, width in zip(row[1:], widths[1:])]))
     print(f'mean E {np.mean([one["error_deg2"] for one in results.values()]):.2f} degrees squared; '
           f'RMS in degrees at frames ahead of {RATE_HZ:g} Hz' + (f'; method {method}' if method else ''))
+    if failures:
+        print(f'{len(failures)} of {len(args.files)} recordings could not be used: {", ".join(failures)}')
+
+
+def _read(path, args, predictor):
+    motion = fitted(read_recording(path, args.recorded_rate, args.unit), predictor).resample(RATE_HZ)
+    if motion.n_frames <= args.horizon:
+        raise MotionError(f'{path} has {motion.n_frames} frames at {RATE_HZ:g} Hz: too short to score a prediction '
+                          f'of {args.horizon} frames (--horizon)')
+    return motion
