@@ -38,7 +38,7 @@ class Motion:
         Stamp of time zero in ns (recordings from a bag); 0 where the recording has no absolute time.
     orders : mapping of str to str, optional
         Order of rotation of each joint with the three channels ``.rx``, ``.ry``, ``.rz``: ``'ZXY'`` turns about the
-        fixed axis z first, then x, then y (R = Ry Rx Rz). A joint that is not listed has ``'XYZ'``, as Acclaim files do.
+        fixed axis z first, then x, then y (R = Ry Rx Rz). A joint that is not listed has ``'XYZ'``, as in Acclaim.
 
     Raises
     ------

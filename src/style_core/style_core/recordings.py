@@ -58,8 +58,8 @@ def _doubts(motion, path):
         with np.errstate(invalid='ignore'):
             beyond = [motion.joint_names[c] for c in angles if (np.abs(motion.positions[:, c]) > 2 * np.pi).any()]
         if beyond:
-            yield (f'{_listed(beyond)} passes a whole turn (2 pi rad): if these are degrees, say so with [deg] after the '
-                   f'name or --unit deg')
+            yield (f'{_listed(beyond)} passes a whole turn (2 pi rad): if these are degrees, say so with [deg] after '
+                   f'the name or --unit deg')
             return
     fast, count = _fast_joints(motion)
     if len(fast) > _FAST_JOINTS * count:

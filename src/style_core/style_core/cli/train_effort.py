@@ -14,6 +14,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Positive, Seed
 from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.effort import joint_scale, save, train_library
@@ -35,8 +36,8 @@ def add_arguments(parser, argv):
     parser.add_argument('-o', '--output', required=True, metavar='LIBRARY.npz', help='library to write')
     parser.add_argument('--labels', metavar='CSV', help="a person's labels (motion-style label); computed where absent")
     parser.add_argument('--labeller', metavar='NAME', help="use this person's labels only (default: the mean of all)")
-    parser.add_argument('--joints', nargs='+', metavar='PATTERN', default=['!*fingers*', '!*thumb*'],
-                        help="joints to keep; '!PATTERN' excludes (default: all but fingers and thumbs)")
+    parser.add_argument('--joints', nargs='+', metavar='PATTERN',
+                        help=JOINTS_HELP.replace('no root', 'a root only if it is complete'))
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf; weighs joints by how far they move '
                                                            'the body (default: all joints weigh the same)')
     parser.add_argument('--rate', action=Positive, default=60.0, metavar='HZ', help='rate of the library (default: 60)')
@@ -56,7 +57,9 @@ def run(args):
     paths = sorted({path for _, path, *_ in rows})
     recordings = {}
     for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
-        recordings[path] = read_recording(path, args.recorded_rate, args.unit).resample(args.rate).select(*args.joints)
+        recordings[path] = read_recording(path, args.recorded_rate, args.unit).resample(args.rate)
+    names = chosen_joints(list(recordings.values()), list(recordings), args.joints, root=True)
+    recordings = {path: motion.joints(names) for path, motion in recordings.items()}
     motions = []
     for name, path, start, stop, _ in rows:
         piece = recordings[path] if start is None else recordings[path].slice(start, stop)

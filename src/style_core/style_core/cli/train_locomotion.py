@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from tqdm import tqdm
 
+from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Positive, Seed
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import UsageError
@@ -35,7 +36,7 @@ def add_arguments(parser, argv):
         '--joints',
         nargs='+',
         metavar='PATTERN',
-        help="joints to learn, as shell patterns; '!PATTERN' excludes (default: all but fingers and thumbs)",
+        help=JOINTS_HELP.replace('no root', 'a root only if it is complete'),
     )
     parser.add_argument('--rate', action=Positive, metavar='HZ',
                         help="rate to learn at (default: the recordings' lowest)")
@@ -50,16 +51,14 @@ def add_arguments(parser, argv):
 
 
 def read_recordings(files, recorded_rate=None, joints=None, unit=None):
-    """Motions of files, continuous and named by their stem; all channels but fingers and thumbs unless ``joints``
+    """Motions of files, continuous and named by their stem; the body's joints and a root that travels unless ``joints``
     says."""
     motions = []
     for path in tqdm(files, desc='reading', unit='file', disable=None, leave=False):
         motion = named_recording(path, recorded_rate, unit)
-        excluded = [f'!*{word}*' for word in ('fingers', 'thumb') if any(word in name for name in motion.joint_names)]
-        if joints or excluded:
-            motion = motion.select(*(joints or excluded))
         motions.append(motion)
-    return motions
+    names = chosen_joints(motions, files, joints, root=True)
+    return [motion.joints(names) for motion in motions]
 
 
 def run(args):

@@ -11,11 +11,11 @@ The skeleton beside the recordings (.asf, .bvh) weighs the joints by how far the
 weigh alike. Training is annealed: the temperature falls, then states and transitions that do not pay are removed. It
 writes its state to MODEL.npz.checkpoint every few seconds; the same command after an interruption goes on from there.
 """
-import fnmatch
 from pathlib import Path
 
 from tqdm import tqdm
 
+from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Number, Positive, Seed
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import UsageError
@@ -25,8 +25,6 @@ from style_core.skeleton import read_skeleton
 
 __all__ = ['add_arguments', 'run']
 
-_FURNITURE = ('root.*', '*fingers*', '*thumb*')
-
 
 def add_arguments(parser, argv):
     """FILES or groups of them, and the settings of training."""
@@ -35,8 +33,7 @@ def add_arguments(parser, argv):
                         help='a style and its recordings; may be given several times')
     parser.add_argument('-o', '--output', required=True, metavar='MODEL.npz', help='model file to write')
     parser.add_argument('--joints', nargs='+', metavar='PATTERN',
-                        help="joints to learn, as shell patterns; '!PATTERN' excludes (default: all angles that the "
-                             'recordings share but root, fingers and thumbs)')
+                        help=JOINTS_HELP)
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf (default: beside the first file)')
     parser.add_argument('--states', action=Count, default=75, metavar='N', help='states at the start (default: 75)')
     parser.add_argument('--dimensions', action=Count, most=10, default=10, metavar='D',
@@ -78,7 +75,8 @@ def run(args):
     skeleton = read_skeleton(args.skeleton) if args.skeleton else skeleton_of(paths[0])
     motions = [named_recording(path, args.recorded_rate, args.unit)
                for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False)]
-    motions = _common(motions, args.joints)
+    joints = chosen_joints(motions, paths, args.joints)
+    motions = [motion.joints(joints) for motion in motions]
     checkpoint = args.output + '.checkpoint'
     with tqdm(desc='training', unit='it', disable=None, leave=False) as bar:
         def progress(row):
@@ -97,16 +95,3 @@ def run(args):
     shares = ', '.join(f'{100 * share:.0f} %' for share in machine.spectrum[:machine.dof])
     print(f'{machine.dof} style coordinates explain {shares}')
     print(f'wrote {args.output}')
-
-
-
-def _common(motions, patterns):
-    """Joints that all recordings have, without root and fingers unless patterns say what to take."""
-    shared = [name for name in motions[0].joint_names if all(name in motion.joint_names for motion in motions)]
-    if not shared:
-        raise UsageError('the recordings have no joint in common')
-    if patterns is None:
-        patterns = ['!' + pattern for pattern in _FURNITURE if fnmatch.filter(shared, pattern)]
-    motions = [motion.joints(shared) for motion in motions]
-    return [motion.select(*patterns) if patterns else motion for motion in motions]
-

@@ -88,7 +88,8 @@ def interpolate_motions(first, second, alpha):
     a, b = (space.encode(motion if abs(motion.rate_hz - rate) < 1e-6 * rate else motion.resample(rate))
             for motion in (first, second))
     near = (first if alpha <= 0.5 else reordered(second, {**second.orders, **first.orders})).joints(space.joint_names)
-    blend = space.decode(interpolate_poses(a, b, alpha), rate, f'{first.name}~{second.name}@{alpha:g}', near.positions[0])
+    name = f'{first.name}~{second.name}@{alpha:g}'
+    blend = space.decode(interpolate_poses(a, b, alpha), rate, name, near.positions[0])
     return blend.joints(first.joint_names)
 
 

@@ -15,9 +15,9 @@ from style_core.effort.content import (
 from style_core.effort.descriptors import EFFORTS, EffortScale, effort_scale, raw_descriptors
 from style_core.effort.interpolation import ALPHA_RANGE, interpolate_poses
 from style_core.effort.pose import Poses, PoseSpace, pose_space, pose_space_of
-from style_core.joint_space import read_space
 from style_core.effort.regression import features, fit_regression
 from style_core.errors import ModelError, MotionError
+from style_core.joint_space import read_space
 from style_core.model_file import load_model, save_model
 
 __all__ = ['Blend', 'EffortLibrary', 'train_library', 'draw_blends', 'load', 'save', 'KIND', 'COMPUTED']
@@ -254,7 +254,8 @@ def save(library, path, header=()):
     about, more = library.space.joints.entries()
     arrays.update(more)
     save_model(path, KIND, dict(header, **about, units=list(library.space.units),
-                                root=[library.space.root, library.space.root_order], joint_names=names, fragment_names=list(library.names), efforts=list(EFFORTS),
+                                root=[library.space.root, library.space.root_order], joint_names=names,
+                                fragment_names=list(library.names), efforts=list(EFFORTS),
                                 rate_hz=library.rate_hz, threshold=library.threshold, labeller=library.labeller,
                                 method=library.method, settings=library.settings), arrays)
 

@@ -70,7 +70,8 @@ def _ordered(motion, skeleton):
     """With the skeleton's orders where the file has none of its own."""
     if skeleton is None or motion.orders:
         return motion
-    return motion.replace(orders={joint: skeleton.orders[joint] for joint in motion.triples if joint in skeleton.orders})
+    orders = {joint: order for joint, order in skeleton.orders.items() if joint in motion.triples}
+    return motion.replace(orders=orders)
 
 
 def write_motion(motion, path, skeleton=None, **options):

@@ -44,8 +44,8 @@ def read(path, skeleton=None, rate_hz=None):
         Says which degrees of freedom a joint has and how long a length unit is; the ``.asf`` file beside it where
         left out, and without one the common layout of the CMU skeletons.
     rate_hz : float, optional
-        Where left out, what the file's header ``:SAMPLES-PER-SECOND`` or its comment ``# rate_hz`` says, as `write` puts
-        them, else 120.
+        Where left out, what the file's header ``:SAMPLES-PER-SECOND`` or its comment ``# rate_hz`` says, as `write`
+        puts them, else 120.
 
     Returns
     -------
@@ -111,8 +111,8 @@ def write(motion, path, skeleton=None):
         rate_hz = float(f'{1 / constant_step_s(motion, path):.9g}')
         rate = f'# rate_hz {rate_hz!r}\n:SAMPLES-PER-SECOND {rate_hz:.9g}\n'
         if abs(rate_hz - DEFAULT_RATE_HZ) > 0.01 * DEFAULT_RATE_HZ:
-            warnings.warn(f'{path} is at {rate_hz:g} Hz and says so in its header, but other programs take any AMC file '
-                          f'for {DEFAULT_RATE_HZ:g} Hz', stacklevel=3)
+            warnings.warn(f'{path} is at {rate_hz:g} Hz and says so in its header, but other programs take any AMC '
+                          f'file for {DEFAULT_RATE_HZ:g} Hz', stacklevel=3)
     frame_text = '\n'.join(['%d'] + [joint + ' %.12g' * len(dofs[joint]) for joint in joints]) + '\n'
     with replacing(path) as stream:
         stream.write(f'#!OML:ASF\n{rate}:FULLY-SPECIFIED\n:DEGREES\n')

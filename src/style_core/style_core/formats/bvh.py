@@ -318,8 +318,8 @@ def _mended_step(step, odd, rate_hz):
         return 1.0 / rate_hz
     for unit, rate in (('Hz', step), ('ms', 1e3 / step)):
         if any(abs(rate - usual) < 0.005 * usual for usual in _USUAL_RATES):
-            odd.append(f'the frame time {step:g} is taken as {step:g} {unit}, as no recording has a frame in {step:g} s '
-                       f'(--recorded-rate says otherwise)')
+            odd.append(f'the frame time {step:g} is taken as {step:g} {unit}, as no recording has a frame in '
+                       f'{step:g} s (--recorded-rate says otherwise)')
             return 1.0 / rate
     odd.append(f'the frame time of {step:g} s can hardly be right (--recorded-rate gives the rate)')
     return step

@@ -70,7 +70,7 @@ def read(path, unit=None):
     names, units, scale = _columns(header[1:], unit)
     stamps, values = _values(path, numbered[1:], len(header), delimiter)
     times, epoch_ns, kept = times_of(path, stamps, time_unit, [line_number for line_number, _ in numbered[1:]])
-    return Motion(names, values[kept] * scale, times, units, name=path.stem, epoch_ns=epoch_ns, orders=_orders(path, lines))
+    return Motion(names, values[kept] * scale, times, units, path.stem, epoch_ns, _orders(path, lines))
 
 
 def _columns(header, unit):

@@ -116,8 +116,8 @@ def _guessed(path, exact):
     name, unit_s = next((name, unit_s) for least, name, unit_s in
                         ((1e6, 'nanoseconds', 1e-9), (1e3, 'microseconds', 1e-6), (0.0, 'milliseconds', 1e-3))
                         if step >= least)
-    warnings.warn(f'{path}: times in steps of {step:g} are taken as {name} ({1 / (step * unit_s):.6g} Hz); call the column '
-                  f'time_s or time_ms to say what they are', stacklevel=5)
+    warnings.warn(f'{path}: times in steps of {step:g} are taken as {name} ({1 / (step * unit_s):.6g} Hz); call the '
+                  f'column time_s or time_ms to say what they are', stacklevel=5)
     return unit_s
 
 
@@ -134,5 +134,6 @@ def _parted(path, times, exact, unit_s, equal, epoch_ns):
                           stacklevel=5)
             return times[0] + step * rows, epoch_ns, rows
     kept = rows[np.append(np.diff(times) > 0, True)]
-    warnings.warn(f'{path}: {equal} rows have the stamp of the row before; of each stamp the last row counts', stacklevel=5)
+    warnings.warn(f'{path}: {equal} rows have the stamp of the row before; of each stamp the last row counts',
+                  stacklevel=5)
     return times[kept], epoch_ns, kept

@@ -162,7 +162,8 @@ class JointSpace:
         rows = np.ascontiguousarray(values.reshape(-1, values.shape[-1]))
         result = rows.copy()
         near = np.array(self.home if near is None else near, dtype=np.float64)
-        rates = [None if one is None else np.array(one, dtype=np.float64).reshape(rows.shape) for one in (std, velocity)]
+        rates = [None if one is None else np.array(one, dtype=np.float64).reshape(rows.shape)
+                 for one in (std, velocity)]
         kernels.decode(rows, self.columns, self.axes, self.homes, self.frames, near, result, *rates)
         given = [one.reshape(values.shape) for one in rates if one is not None]
         return (result.reshape(values.shape), *given) if given else result.reshape(values.shape)
@@ -226,7 +227,7 @@ class JointSpace:
         return filled, spread
 
     def select(self, names):
-        """The space of some channels, in their order; a ball joint without one of its angles is refused (ModelError)."""
+        """The space of some channels, in their order; ModelError for a ball joint without one of its angles."""
         names = tuple(names)
         chosen = [k for k, joint in enumerate(self.balls) if any(f'{joint}.r{letter}' in names for letter in 'xyz')]
         torn = [self.balls[k] for k in chosen if not all(f'{self.balls[k]}.r{letter}' in names for letter in 'xyz')]
@@ -321,8 +322,8 @@ def fit_space(motions, leave=()):
         if least < 1 + 2 * np.cos(_FOLDED):
             far.append(joint)
     if far:
-        warnings.warn(f'{", ".join(far[:5])} turn further than 170 degrees from their mean rotation: what is learned of '
-                      f'them jumps at half a turn', stacklevel=2)
+        warnings.warn(f'{", ".join(far[:5])} turn further than 170 degrees from their mean rotation: what is learned '
+                      f'of them jumps at half a turn', stacklevel=2)
     centres, folds = np.zeros(len(names)), np.zeros(len(names), dtype=bool)
     in_ball = {column for columns in triples.values() for column in columns}
     for column, (name, unit) in enumerate(zip(names, units)):

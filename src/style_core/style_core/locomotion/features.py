@@ -120,7 +120,8 @@ def feature_map(motion, others=()):
     if present and len(present) < 6:
         raise MotionError(f'motion {motion.name!r} has {", ".join(present)} but not all of {", ".join(_ROOT)}; '
                           "leave the root out ('!root.*') or give all six channels")
-    return FeatureMap(motion.joint_names, motion.units, fit_space([motion, *others], leave=('root',) if present else ()))
+    space = fit_space([motion, *others], leave=('root',) if present else ())
+    return FeatureMap(motion.joint_names, motion.units, space)
 
 
 def _split(rx, ry, rz):

@@ -153,7 +153,8 @@ def from_arrays(header, arrays):
     """
     try:
         model = LocomotionModel(
-            FeatureMap(tuple(header['joint_names']), tuple(header['units']), read_space(header, arrays)), float(header['rate_hz']),
+            FeatureMap(tuple(header['joint_names']), tuple(header['units']), read_space(header, arrays)),
+            float(header['rate_hz']),
             smoothing=float(header['smoothing']), coupling=float(header['coupling']),
             personal=Personal(*(np.asarray(arrays[f'personal_{name}'], dtype=float) for name in _PERSONAL)),
             style_names=tuple(header['style_names']), recordings=tuple(header['recordings']),
