@@ -63,7 +63,8 @@ def files(draw):
             channels = [word for pair in itertools.zip_longest(turns, shifts) for word in pair if word]
         offset = [draw(number) for _ in range(3)]
         lines += [f'{pad}{"JOINT" if joint else "ROOT"} j{joint}', pad + '{',
-                  f'{pad}  OFFSET ' + ' '.join(map(str, offset)), f'{pad}  CHANNELS {len(channels)} ' + ' '.join(channels)]
+                  f'{pad}  OFFSET ' + ' '.join(map(str, offset)),
+                  f'{pad}  CHANNELS {len(channels)} ' + ' '.join(channels)]
         columns += len(channels)
     pad = '  ' * count
     lines += [f'{pad}End Site', pad + '{', f'{pad}  OFFSET 0 -4 1', pad + '}']

@@ -79,8 +79,9 @@ class Border:
         if np.isfinite(mean).all():
             in_ball = self._columns.ravel()
             self._near[in_ball] = mean[in_ball]
+        observed = np.asarray(estimate.observed, dtype=bool) & self._seen
         return Estimate(estimate.time, estimate.phase, estimate.phase_velocity, estimate.phase_covariance,
-                        estimate.style, estimate.style_covariance, mean, std, np.asarray(estimate.observed, dtype=bool) & self._seen,
+                        estimate.style, estimate.style_covariance, mean, std, observed,
                         estimate.innovation, estimate.log_likelihood, estimate.status, estimate.behaviours)
 
     def ahead(self, prediction):
