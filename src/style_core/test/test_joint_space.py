@@ -106,8 +106,8 @@ def test_rates_and_deviations_are_the_derivative(order, seed):
     if abs(np.cos(middle)) < 0.1:
         return  # near the lock rates are bounded
     step = 1e-6
-    slopes = np.stack([(space.decode(values + step * unit, near) - space.decode(values - step * unit, near)) / (2 * step)
-                       for unit in np.eye(5)], axis=1)
+    ends = [[space.decode(values + sign * step * unit, near) for sign in (1, -1)] for unit in np.eye(5)]
+    slopes = np.stack([(after - before) / (2 * step) for after, before in ends], axis=1)
     velocity, std = np.random.default_rng(seed).normal(size=(2, 5)) * 0.02
     _, spread, rate = space.decode(values, near, np.abs(std), velocity)
     np.testing.assert_allclose(rate, slopes @ velocity, atol=1e-6)

@@ -76,7 +76,8 @@ def test_rotations_of_any_order_run_on_without_changing():
     """20 to 63 degrees off when the order is forgotten."""
     path = INPUTS / 'r50_zxy_continuous.bvh'
     filed, motion = read_motion(path), quietly(path)
-    turns = [Rotation.from_euler('ZXY', one.joints(['Leg.rz', 'Leg.rx', 'Leg.ry']).positions) for one in (filed, motion)]
+    leg = ['Leg.rz', 'Leg.rx', 'Leg.ry']
+    turns = [Rotation.from_euler('ZXY', one.joints(leg).positions) for one in (filed, motion)]
     assert (turns[0].inv() * turns[1]).magnitude().max() < 1e-12
     assert np.abs(np.diff(motion.positions, axis=0)).max() < 0.2
 
@@ -87,7 +88,8 @@ def test_a_blend_with_nothing_of_the_other_is_the_recording(tmp_path, alpha, whi
     first = read_recording(path)
     second = first.replace(positions=0.7 * first.positions)
     write_motion(second, tmp_path / 'b.npz')
-    assert main(['blend', str(path), str(tmp_path / 'b.npz'), '--alpha', str(alpha), '-o', str(tmp_path / 'o.npz')]) == 0
+    files = [str(tmp_path / name) for name in ('b.npz', 'o.npz')]
+    assert main(['blend', str(path), files[0], '--alpha', str(alpha), '-o', files[1]]) == 0
     result = read_motion(tmp_path / 'o.npz')
     expected = (first, second)[which]
     assert result.joint_names == first.joint_names and result.orders == first.orders
@@ -119,7 +121,7 @@ def test_a_file_that_departs_from_the_format_is_read_with_a_warning(name, words,
     path = INPUTS / f'{name}.bvh'
     motion, plain = warned(path, words), quietly(INPUTS / 'r08_zero_offset.bvh')
     assert motion.n_frames == frames and motion.rate_hz == pytest.approx(30, rel=1e-5)
-    legs = next(name for name in motion.joint_names if name.endswith('.rx') and 'Hips' not in name and 'Pelvis' not in name)
+    legs = [name for name in motion.joint_names if name.endswith('.rx')][-1]
     np.testing.assert_allclose(motion.joints([legs]).positions, plain.joints(['Leg.rx']).positions, atol=1e-12)
 
 
@@ -312,7 +314,7 @@ def test_encoders_of_a_robot_all_count(gait):
 def test_different_skeletons_are_said():
     one = Motion([f'{joint}.rx' for joint in 'abcdef'], np.zeros((2, 6)), [0, 1], name='one')
     other = Motion([f'{joint}.rx' for joint in 'abuvwx'], np.zeros((2, 6)), [0, 1], name='other')
-    with pytest.raises(MotionError, match="different skeletons .*'one'.*share 2 of 6"):
+    with pytest.raises(MotionError, match=r"different skeletons .*'one'.*share 2 of 6"):
         common_joints([one, one, other])
     assert common_joints([one, other], ['a.*']).names == ('a.rx',)
     less = one.select('!f.rx')
