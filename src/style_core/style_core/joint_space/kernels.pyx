@@ -4,9 +4,11 @@ Of a ball joint, angles (x, y, z) and an order (first, second, third axis about 
 rotation ``R = R_third R_second R_first``. Its coordinates q are those of the rotation vector of ``home^T R`` in the
 frame F: ``R = home exp(F q)``.
 """
+import numpy as np
+
 from libc.math cimport NAN, atan2, cos, fabs, isfinite, rint, sin, sqrt
 
-__all__ = ['encode', 'decode']
+__all__ = ['Border', 'encode', 'decode']
 
 cdef double PI = 3.141592653589793
 cdef double TWO_PI = 6.283185307179586
@@ -77,65 +79,53 @@ cdef inline void vector_of(const double* r, double* v) noexcept nogil:
         v[k] = factor * q[1 + k]
 
 
-cdef inline void exponential(const double* v, double* r) noexcept nogil:
-    cdef double square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2], angle = sqrt(square), one, two, half
+cdef inline void exponential(const double* v, double* r, double* jacobian) noexcept nogil:
+    """Rotation of a vector, and the angular velocity in the turned frame by the rate of the vector."""
+    cdef double square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2], angle = sqrt(square), one, two, three, s, half
     cdef int i, j
-    if angle < 1e-4:  # series, exact to rounding here
-        one, two = 1.0 - square / 6.0, 0.5 - square / 24.0
+    if angle < 1e-3:  # series, exact to rounding here
+        one, two, three = 1.0 - square / 6.0, 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
     else:
         half = sin(0.5 * angle)
-        one, two = sin(angle) / angle, 2.0 * half * half / square
+        s = sin(angle)
+        one, two, three = s / angle, 2.0 * half * half / square, (angle - s) / (square * angle)
     for i in range(3):
         for j in range(3):
             r[3 * i + j] = two * v[i] * v[j]
-        r[4 * i] += 1.0 - two * square
-    r[1] -= one * v[2]
-    r[3] += one * v[2]
-    r[2] += one * v[1]
-    r[6] -= one * v[1]
-    r[5] -= one * v[0]
-    r[7] += one * v[0]
-
-
-cdef inline void right_jacobian(const double* v, double* jacobian) noexcept nogil:
-    """Angular velocity in the turned frame by rate of the rotation vector."""
-    cdef double square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2], angle = sqrt(square), two, three, half
-    cdef int i, j
-    if angle < 1e-3:
-        two, three = 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
-    else:
-        half = sin(0.5 * angle)
-        two, three = 2.0 * half * half / square, (angle - sin(angle)) / (square * angle)
-    for i in range(3):
-        for j in range(3):
             jacobian[3 * i + j] = three * v[i] * v[j]
+        r[4 * i] += 1.0 - two * square
         jacobian[4 * i] += 1.0 - three * square
-    jacobian[1] += two * v[2]
-    jacobian[3] -= two * v[2]
-    jacobian[2] -= two * v[1]
-    jacobian[6] += two * v[1]
-    jacobian[5] += two * v[0]
-    jacobian[7] -= two * v[0]
+    for i in range(3):
+        j = (i + 1) % 3
+        r[3 * i + j] -= one * v[3 - i - j]
+        r[3 * j + i] += one * v[3 - i - j]
+        jacobian[3 * i + j] += two * v[3 - i - j]
+        jacobian[3 * j + i] -= two * v[3 - i - j]
 
 
 cdef inline double nearest_turn(double angle, double near) noexcept nogil:
     return angle + TWO_PI * rint((near - angle) / TWO_PI)
 
 
-cdef void angles_of(const double* r, const int* order, const double* near, double* angles) noexcept nogil:
-    """Of all angles that give the rotation, those nearest to ``near``."""
+cdef void angles_of(const double* r, const int* order, const double* near, double* angles, double* trig) noexcept nogil:
+    """Of all angles that give the rotation, those nearest to ``near``; and s sin(first), cos(first), s sin(second),
+    cos(second) of them, s = -1 for a left-handed order."""
     cdef int i = order[0], j = order[1], k = order[2]
     cdef double sign = 1.0 if (j - i + 3) % 3 == 1 else -1.0
     cdef double across = sqrt(r[3 * i + i] * r[3 * i + i] + r[3 * j + i] * r[3 * j + i])
-    cdef double first, second, third, one = 0.0, other = 0.0, rest[9]
+    cdef double first, second, third, one = 0.0, other = 0.0
     cdef double turned[3]
+    cdef double rest[9]
     cdef int n
-    second = sign * atan2(-r[3 * k + i], across)
+    trig[2], trig[3] = -r[3 * k + i], across
+    second = sign * atan2(trig[2], across)
     if across > 1e-8:
+        trig[0], trig[1] = r[3 * k + j] / across, r[3 * k + k] / across
         first = sign * atan2(r[3 * k + j], r[3 * k + k])
         third = sign * atan2(r[3 * j + i], r[3 * i + i])
     else:  # the first angle may be chosen: it stays, and the third follows
         first = near[i]
+        trig[0], trig[1] = sign * sin(first), cos(first)
         for n in range(9):
             rest[n] = 1.0 if n % 4 == 0 else 0.0
         turn_left(rest, i, first)
@@ -153,35 +143,35 @@ cdef void angles_of(const double* r, const int* order, const double* near, doubl
     if other < one:
         for n in range(3):
             angles[n] = turned[n]
+        trig[0], trig[1], trig[3] = -trig[0], -trig[1], -trig[3]
 
 
-cdef void rates_of(const double* angles, const int* order, const double* frame, const double* v,
-                   double* jacobian) noexcept nogil:
-    """Rates of the angles by rates of the coordinates; v = frame q."""
-    cdef double axes[9]
-    cdef double inverse[9]
-    cdef double turned[9]
-    cdef double determinant
-    cdef int n, row, i, j
-    # columns: what each angle's rate does to the angular velocity in the body's frame
-    for n in range(9):
-        turned[n] = 1.0 if n % 4 == 0 else 0.0
+cdef inline void rates_of(const double* trig, const int* order, const double* moved, double* jacobian) noexcept nogil:
+    """Rates of the angles by rates of the coordinates; ``moved`` is the angular velocity in the body by the latter.
+
+    The angular velocity is e_i a' + R_i^T e_j b' + R_i^T R_j^T e_k c' for the angles a, b, c of the order i, j, k.
+    """
+    cdef int n, i = order[0], j = order[1], k = order[2]
+    cdef double bottom = trig[3]
+    if fabs(bottom) < LOCK:
+        bottom = LOCK if bottom >= 0 else -LOCK
     for n in range(3):
-        for row in range(3):
-            axes[3 * row + order[n]] = turned[3 * order[n] + row]
-        turn_left(turned, order[n], angles[order[n]])
-    for i in range(3):
-        for j in range(3):
-            inverse[3 * j + i] = (axes[3 * ((i + 1) % 3) + (j + 1) % 3] * axes[3 * ((i + 2) % 3) + (j + 2) % 3]
-                                  - axes[3 * ((i + 1) % 3) + (j + 2) % 3] * axes[3 * ((i + 2) % 3) + (j + 1) % 3])
-    determinant = axes[0] * inverse[0] + axes[1] * inverse[3] + axes[2] * inverse[6]
-    if fabs(determinant) < LOCK:
-        determinant = LOCK if determinant >= 0 else -LOCK
-    for n in range(9):
-        inverse[n] /= determinant
-    right_jacobian(v, axes)
-    product(inverse, axes, turned)
-    product(turned, frame, jacobian)
+        jacobian[3 * k + n] = (trig[0] * moved[3 * j + n] + trig[1] * moved[3 * k + n]) / bottom
+        jacobian[3 * j + n] = trig[1] * moved[3 * j + n] - trig[0] * moved[3 * k + n]
+        jacobian[3 * i + n] = moved[3 * i + n] + trig[2] * jacobian[3 * k + n]
+
+
+cdef inline void coordinates_of(const double* triple, const int* order, const double* home, const double* frame,
+                                double* values) noexcept nogil:
+    cdef double r[9]
+    cdef double relative[9]
+    cdef double v[3]
+    cdef int n
+    matrix_of(triple, order, r)
+    left_transposed(home, r, relative)
+    vector_of(relative, v)
+    for n in range(3):
+        values[n] = frame[n] * v[0] + frame[3 + n] * v[1] + frame[6 + n] * v[2]
 
 
 def encode(const double[:, ::1] angles, const int[:, ::1] columns, const int[:, ::1] orders,
@@ -203,9 +193,7 @@ def encode(const double[:, ::1] angles, const int[:, ::1] columns, const int[:, 
     cdef Py_ssize_t t, k
     cdef int n, whole
     cdef double triple[3]
-    cdef double r[9]
-    cdef double relative[9]
-    cdef double v[3]
+    cdef double values[3]
     with nogil:
         for t in range(angles.shape[0]):
             for k in range(columns.shape[0]):
@@ -214,15 +202,10 @@ def encode(const double[:, ::1] angles, const int[:, ::1] columns, const int[:, 
                     triple[n] = angles[t, columns[k, n]]
                     if not (fabs(triple[n]) <= MOST):
                         whole = 0
-                if not whole:
-                    for n in range(3):
-                        out[t, columns[k, n]] = NAN
-                    continue
-                matrix_of(triple, &orders[k, 0], r)
-                left_transposed(&homes[k, 0, 0], r, relative)
-                vector_of(relative, v)
+                if whole:
+                    coordinates_of(triple, &orders[k, 0], &homes[k, 0, 0], &frames[k, 0, 0], values)
                 for n in range(3):
-                    out[t, columns[k, n]] = (frames[k, 0, n] * v[0] + frames[k, 1, n] * v[1] + frames[k, 2, n] * v[2])
+                    out[t, columns[k, n]] = values[n] if whole else NAN
 
 
 def decode(const double[:, ::1] values, const int[:, ::1] columns, const int[:, ::1] orders,
@@ -242,51 +225,191 @@ def decode(const double[:, ::1] values, const int[:, ::1] columns, const int[:, 
         Standard deviations (at most half a turn afterwards) and rates of the coordinates; those of the angles
         afterwards, to first order.
     """
+    with nogil:
+        decode_rows(values, columns, orders, homes, frames, near, out, std, velocity, std is not None,
+                    velocity is not None)
+
+
+cdef void decode_rows(const double[:, ::1] values, const int[:, ::1] columns, const int[:, ::1] orders,
+                      const double[:, :, ::1] homes, const double[:, :, ::1] frames, double[::1] near,
+                      double[:, ::1] out, double[:, ::1] std, double[:, ::1] velocity, bint spread,
+                      bint rates) noexcept nogil:
     cdef Py_ssize_t t, k
     cdef int n, m
     cdef double v[3]
     cdef double r[9]
     cdef double turned[9]
+    cdef double moved[9]
     cdef double here[3]
     cdef double angles[3]
     cdef double given[3]
+    cdef double trig[4]
     cdef double jacobian[9]
     cdef double total
-    with nogil:
-        for t in range(values.shape[0]):
-            for k in range(columns.shape[0]):
+    for t in range(values.shape[0]):
+        for k in range(columns.shape[0]):
+            for n in range(3):
+                v[n] = (frames[k, n, 0] * values[t, columns[k, 0]] + frames[k, n, 1] * values[t, columns[k, 1]]
+                        + frames[k, n, 2] * values[t, columns[k, 2]])
+                here[n] = near[columns[k, n]]
+            if not (isfinite(v[0]) and isfinite(v[1]) and isfinite(v[2])):
                 for n in range(3):
-                    v[n] = (frames[k, n, 0] * values[t, columns[k, 0]] + frames[k, n, 1] * values[t, columns[k, 1]]
-                            + frames[k, n, 2] * values[t, columns[k, 2]])
-                    here[n] = near[columns[k, n]]
-                if not (isfinite(v[0]) and isfinite(v[1]) and isfinite(v[2])):
-                    for n in range(3):
-                        out[t, columns[k, n]] = NAN
-                        if std is not None:
-                            std[t, columns[k, n]] = NAN
-                        if velocity is not None:
-                            velocity[t, columns[k, n]] = NAN
-                    continue
-                exponential(v, turned)
-                product(&homes[k, 0, 0], turned, r)
-                angles_of(r, &orders[k, 0], here, angles)
+                    out[t, columns[k, n]] = NAN
+                    if spread:
+                        std[t, columns[k, n]] = NAN
+                    if rates:
+                        velocity[t, columns[k, n]] = NAN
+                continue
+            exponential(v, turned, jacobian)
+            product(&homes[k, 0, 0], turned, r)
+            angles_of(r, &orders[k, 0], here, angles, trig)
+            for n in range(3):
+                out[t, columns[k, n]] = angles[n]
+                near[columns[k, n]] = angles[n]
+            if not (spread or rates):
+                continue
+            product(jacobian, &frames[k, 0, 0], moved)
+            rates_of(trig, &orders[k, 0], moved, jacobian)
+            if spread:
                 for n in range(3):
-                    out[t, columns[k, n]] = angles[n]
-                    near[columns[k, n]] = angles[n]
-                if std is None and velocity is None:
-                    continue
-                rates_of(angles, &orders[k, 0], &frames[k, 0, 0], v, jacobian)
-                if std is not None:
-                    for n in range(3):
-                        given[n] = std[t, columns[k, n]]
-                    for n in range(3):
-                        total = 0.0
-                        for m in range(3):
-                            total += jacobian[3 * n + m] * jacobian[3 * n + m] * given[m] * given[m]
-                        std[t, columns[k, n]] = PI if total > PI * PI else sqrt(total)
-                if velocity is not None:
-                    for n in range(3):
-                        given[n] = velocity[t, columns[k, n]]
-                    for n in range(3):
-                        velocity[t, columns[k, n]] = (jacobian[3 * n] * given[0] + jacobian[3 * n + 1] * given[1]
-                                                      + jacobian[3 * n + 2] * given[2])
+                    given[n] = std[t, columns[k, n]]
+                for n in range(3):
+                    total = 0.0
+                    for m in range(3):
+                        total += jacobian[3 * n + m] * jacobian[3 * n + m] * given[m] * given[m]
+                    std[t, columns[k, n]] = PI if total > PI * PI else sqrt(total)
+            if rates:
+                for n in range(3):
+                    given[n] = velocity[t, columns[k, n]]
+                for n in range(3):
+                    velocity[t, columns[k, n]] = (jacobian[3 * n] * given[0] + jacobian[3 * n + 1] * given[1]
+                                                  + jacobian[3 * n + 2] * given[2])
+
+
+cdef class Border:
+    """Between the angles of sensors and the coordinates of a predictor, sample by sample.
+
+    A ball joint of which some angles are missing counts by the coordinates of those that are there, the others taken as
+    last estimated (at home before the first estimate); this is exact to first order about home. Where the joint's
+    home is so near the gimbal lock that single angles say nothing (more than 37 degrees of middle angle), the joint
+    counts as missing. Angles that come out take the turn and, of equivalent triples, the branch of those observed last.
+
+    Parameters
+    ----------
+    space : JointSpace
+    """
+
+    cdef readonly object space
+    cdef object _rest
+    cdef int[:, ::1] _columns, _orders
+    cdef double[:, :, ::1] _homes, _frames
+    cdef double[::1] _centres, _near, _turns, _work
+    cdef unsigned char[::1] _folds, _apart, _seen
+    cdef Py_ssize_t _channels
+
+    def __init__(self, space):
+        self.space = space
+        self._columns, self._orders = space.columns, space.axes
+        self._homes, self._frames, self._centres = space.homes, space.frames, space.centres
+        self._folds, self._apart = space.folds.astype(np.uint8), space.apart.astype(np.uint8)
+        self._channels = len(space.joint_names)
+        self._seen = np.zeros(self._channels, dtype=np.uint8)
+        self.reset()
+
+    def reset(self):
+        """Forget all samples."""
+        self._near, self._work = self.space.home.copy(), self.space.home.copy()
+        self._turns = np.zeros(self._channels)
+        self._seen[:] = 0
+
+    def enter(self, y, mask):
+        """Coordinates of a sample.
+
+        Parameters
+        ----------
+        y : ndarray, shape (D,)
+            Rad; NaN is missing.
+        mask : ndarray of bool, shape (D,), optional
+
+        Returns
+        -------
+        ndarray, shape (D,)
+            NaN where a coordinate is not observed.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong.
+        """
+        cdef Py_ssize_t d, k
+        cdef int n, whole
+        cdef double triple[3]
+        cdef double values[3]
+        cdef double value, turn
+        result = np.array(y, dtype=np.float64)
+        if result.ndim != 1 or len(result) != self._channels or (mask is not None and np.shape(mask) != result.shape):
+            raise ValueError(f'an observation has shape ({self._channels},), got {result.shape}'
+                             + ('' if mask is None else f' with a mask of shape {np.shape(mask)}'))
+        if mask is not None:
+            result[~np.asarray(mask, dtype=bool)] = NAN
+        cdef double[::1] out = result
+        for d in range(self._channels):
+            value = out[d]
+            self._seen[d] = value == value
+            if self._folds[d] and fabs(value) <= MOST:
+                turn = TWO_PI * rint((self._centres[d] - value) / TWO_PI)
+                self._turns[d] = turn
+                out[d] = value + turn
+        for k in range(self._columns.shape[0]):
+            whole = 0
+            for n in range(3):
+                d = self._columns[k, n]
+                triple[n] = out[d]
+                if fabs(out[d]) <= MOST:
+                    whole += 1
+                else:
+                    triple[n] = self._near[d]
+            if whole == 3 or (whole > 0 and self._apart[k]):
+                coordinates_of(triple, &self._orders[k, 0], &self._homes[k, 0, 0], &self._frames[k, 0, 0], values)
+            else:
+                values[0] = values[1] = values[2] = NAN
+            for n in range(3):
+                d = self._columns[k, n]
+                if whole == 3:
+                    self._near[d] = triple[n]
+                out[d] = values[n] if fabs(out[d]) <= MOST else NAN
+        return result
+
+    def leave(self, mean, std):
+        """Mean and standard deviation (D,) of an estimate, in angles; they are near the next ones."""
+        mean, std = self._decoded(np.array(mean, dtype=np.float64)[None], np.array(std, dtype=np.float64)[None], None)
+        cdef Py_ssize_t k
+        cdef int n
+        for k in range(self._columns.shape[0]):
+            if isfinite(self._work[self._columns[k, 0]]):
+                for n in range(3):
+                    self._near[self._columns[k, n]] = self._work[self._columns[k, n]]
+        return mean[0], std[0]
+
+    def ahead(self, mean, std, velocity):
+        """Predictions (H, D) in angles; every horizon follows the one before it."""
+        mean, std, velocity = (np.array(one, dtype=np.float64, order='C') for one in (mean, std, velocity))
+        return self._decoded(mean, std, velocity)
+
+    def flags(self, observed):
+        """Which angles were given and used: those whose coordinate the predictor observed."""
+        return np.asarray(observed, dtype=bool) & np.asarray(self._seen).view(bool)
+
+    cdef object _decoded(self, values, std, velocity):
+        cdef Py_ssize_t t, d
+        cdef double[:, ::1] out
+        result = values.copy()
+        out = result
+        self._work[:] = self._near
+        decode_rows(values, self._columns, self._orders, self._homes, self._frames, self._work, out, std, velocity, True,
+                    velocity is not None)
+        for d in range(self._channels):
+            if self._turns[d] != 0:
+                for t in range(out.shape[0]):
+                    out[t, d] -= self._turns[d]
+        return (result, std) if velocity is None else (result, std, velocity)
