@@ -232,7 +232,7 @@ def _of_one_publisher(stamps, positions):
     """
     order = np.argsort(stamps, kind='stable')
     sorted_stamps, rows = stamps[order], positions[order]
-    size = np.nanmax(np.abs(np.where(np.isnan(rows), 0.0, rows)), axis=1, initial=0.0)
+    size = np.abs(np.where(np.isnan(rows), 0.0, rows)).max(axis=1, initial=0.0)
     zero = (rows == 0).all(axis=1)
     kept = np.ones(len(rows), dtype=bool)
     if zero.any() and not zero.all():
