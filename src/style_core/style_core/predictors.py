@@ -75,16 +75,17 @@ def read_predictor(path, method=phase_style.METHODS[0], without=()):
     if set(without) - set(_AROUND) and (kind != phase_style.KIND or method != phase_style.METHODS[0]):
         raise UsageError('parts can be left out of the full filter of a phase-style model only')
     found = _READERS[kind](path, method, set(without) - {'unknown'})
-    if method != phase_style.METHODS[0] or 'unknown' in without:
-        return found
-    return replace(found, predictor=OpenPredictor(found.predictor, next(iter(found.rhythmic))))
+    if method == phase_style.METHODS[0] and 'unknown' not in without:
+        found = replace(found, predictor=OpenPredictor(found.predictor, next(iter(found.rhythmic))))
+    # dynamics of the coordinates, too, know no wraps; the predictors of other kinds take and give angles themselves
+    space = space_of(path) if kind == phase_style.KIND else None
+    return found if space is None else replace(found, predictor=SpacedPredictor(found.predictor, space))
 
 
 def _phase_style(path, method, without):
     behaviours, correction = phase_style.load_parts(path)
     options = {'without': without, 'correction': correction} if method == phase_style.METHODS[0] else {}
-    predictor, space = phase_style.make_predictor(behaviours, method, **options), space_of(path)
-    return FilePredictor(phase_style.KIND, predictor if space is None else SpacedPredictor(predictor, space),
+    return FilePredictor(phase_style.KIND, phase_style.make_predictor(behaviours, method, **options),
                          {one.name: one.rhythmic for one in behaviours}, behaviours[0].rate_hz)
 
 
