@@ -9,16 +9,21 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from style_core.angles import continuous, matrices_of, reordered, triples_from
+from style_core.cli import main
 from style_core.errors import ModelError
+from style_core.evaluation import rms_deg, roll_out
+from style_core.formats import write_motion
 from style_core.joint_space import fit_space, read_space, space_of
 from style_core.joint_space.online import Border, SpacedPredictor
 from style_core.locomotion.learn import features_of
 from style_core.motion import Motion
+from style_core.phase_style import load_behaviours
 from style_core.predictor import Estimate, Prediction, Status
 from style_core.predictors import read_predictor
 from style_core.style_machine import Settings, learn, load, save
 from style_core.style_machine.online import StyleMachinePredictor
 from style_core.style_machine.synthesis import synthesize
+from style_core.synthesis.repertoire import load_repertoire
 
 ORDERS = [''.join(order) for order in itertools.permutations('XYZ')]
 NAMES = ('hip.rx', 'hip.ry', 'hip.rz', 'knee', 'slide')
@@ -299,3 +304,28 @@ def test_models_from_before_work_in_angles_as_they_did(name):
     assert space_of(MODELS / f'{name}.npz') is None
     found = read_predictor(MODELS / f'{name}.npz').predictor
     assert not isinstance(found, SpacedPredictor) and getattr(found, '_border', None) is None
+
+
+def test_a_phase_style_model_does_not_depend_on_where_angles_wrap(pair, tmp_path):
+    for k, motions in enumerate(pair):
+        for motion in motions:
+            write_motion(motion, tmp_path / f'{motion.name}.npz')
+        files = [str(tmp_path / f'{motion.name}.npz') for motion in motions]
+        model = ['-o', str(tmp_path / f'm{k}.npz')]
+        assert main(['train', 'phase-style', *files, *model, '--joints', 'hip.*', 'knee']) == 0
+    one, other = (load_behaviours(tmp_path / f'm{k}.npz')[0] for k in range(2))
+    np.testing.assert_allclose(other.bases, one.bases, atol=1e-6)
+    np.testing.assert_allclose(other.styles, one.styles, atol=1e-6)
+    found = read_predictor(tmp_path / 'm1.npz', without=['unknown']).predictor
+    motion = pair[1][1].joints(found.joint_names)
+    rollout = roll_out(found, motion, np.arange(1, 11) / 60)
+    assert found.orders == {'hip': 'ZXY'}
+    np.testing.assert_allclose(rollout.filtered[60:], motion.positions[60:], atol=0.1)  # on the recording's branch
+    assert rms_deg(rollout.mean, rollout.actual)[-1] < 0.5 * rms_deg(rollout.present[:, None], rollout.actual)[-1]
+    source = load_repertoire(str(tmp_path / 'm1.npz')).source('cycle')
+    ahead = np.arange(0, 0.5, 0.01)
+    positions, velocities = source.window(ahead)
+    np.testing.assert_allclose(velocities, np.gradient(positions, ahead, axis=0, edge_order=2), atol=0.15)
+    near = [min((Rotation.from_euler('zxy', row[[2, 0, 1]]).inv() * turns_of(motion.positions, 'ZXY')).magnitude())
+            for row in positions]
+    assert max(near) < 0.3      # poses that were recorded, in angles

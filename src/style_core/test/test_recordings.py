@@ -66,6 +66,10 @@ def test_orders_travel_with_the_recording(tmp_path):
     for name in ('a.npz', 'a.csv'):
         write_motion(motion, tmp_path / name)
         assert read_motion(tmp_path / name).orders == motion.orders
+    with pytest.warns(UserWarning, match='no place for the orders'):
+        write_motion(motion, tmp_path / 'bag')
+    again = read_motion(tmp_path / 'bag', skeleton_of(INPUTS / 'r50_zxy_continuous.bvh'))
+    assert again.orders == motion.orders
     with pytest.raises(MotionError, match='order'):
         motion.replace(orders={'Leg': 'XXZ'})
     with pytest.raises(MotionError, match='orders'):
