@@ -125,8 +125,8 @@ def write(motion, path, topic=None, storage=None):
     if path.is_dir() if single else path.exists() and not _is_bag(path):
         raise MotionError(f'{path} exists and is no bag; it stays as it is')
     if motion.orders:
-        warnings.warn(f'{path}: a bag has no place for the orders in which joints turn ({next(iter(motion.orders))} and '
-                      f'others): give the skeleton when it is read', stacklevel=3)
+        warnings.warn(f'{path}: a bag has no place for the orders in which joints turn ({next(iter(motion.orders))} '
+                      f'and others): give the skeleton when it is read', stacklevel=3)
     store = get_typestore(Stores.ROS2_HUMBLE)
     state, header, time = (store.types[name] for name in
                            (JOINT_STATE, 'std_msgs/msg/Header', 'builtin_interfaces/msg/Time'))
