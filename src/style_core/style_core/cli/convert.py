@@ -53,8 +53,8 @@ def run(args):
         skeleton = read_skeleton(args.skeleton, args.length_unit if args.skeleton.lower().endswith('.bvh') else None)
     else:
         skeleton = skeleton_of(args.input, args.length_unit)
-    motion = read_recording(args.input, args.recorded_rate, args.unit, skeleton=skeleton, start_s=args.start,
-                            stop_s=args.stop, as_filed=not args.continuous, **_where(args.input, args))
+    motion = read_recording(args.input, None, args.unit, skeleton=skeleton, start_s=args.start, stop_s=args.stop,
+                            rate_hz=args.recorded_rate, as_filed=not args.continuous, **_where(args.input, args))
     if args.mirror:
         motion = motion.mirror(skeleton)
     if args.select:

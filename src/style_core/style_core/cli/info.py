@@ -47,7 +47,7 @@ def run(args):
         if args.picture or args.select:
             raise UsageError('--picture and --select are for motion files; this is a model')
     else:
-        motion = read_recording(args.file, args.recorded_rate, args.unit, as_filed=True, topic=args.topic)
+        motion = read_recording(args.file, None, args.unit, as_filed=True, topic=args.topic, rate_hz=args.recorded_rate)
         shown = motion.select(*args.select) if args.select else motion
         description = describe_motion(shown)
         if args.picture:

@@ -16,7 +16,11 @@ def add_recorded_rate(parser):
 
 
 def read_recording(path, recorded_rate=None, unit=None, **options):
-    """A recording with continuous angles; rate and unit count where the format says none."""
+    """A recording with continuous angles; rate and unit count where the format says none.
+
+    Among several recordings a rate is not for those that say their own; a command for a single one passes ``rate_hz``,
+    which is refused where it means nothing.
+    """
     suffix = Path(path).suffix.lower()
     if recorded_rate and suffix in ('.amc', '.bvh'):
         options['rate_hz'] = recorded_rate
