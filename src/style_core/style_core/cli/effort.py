@@ -44,7 +44,8 @@ def run(args):
         raise UsageError('--picture needs --skeleton')
     library = load(args.library)
     skeleton = read_skeleton(args.skeleton) if args.skeleton else None
-    motion = read_recording(args.file, None, args.unit, skeleton=skeleton, rate_hz=args.recorded_rate).replace(name=args.file)
+    motion = read_recording(args.file, None, args.unit, skeleton=skeleton, rate_hz=args.recorded_rate)
+    motion = motion.replace(name=args.file)
     result = restyle(library, motion, target, args.neighbours)
     write_motion(result.motion, args.output, skeleton=skeleton)
     kind = 'measured' if library.labeller == 'computed' else 'predicted'
