@@ -131,5 +131,5 @@ class People(NamedTuple):
 def people(seed):
     """Set-up of the experiments with people that the library has never seen."""
     everything = all_fragments()
-    return People(everything, scale_of(balanced(everything, seed=seed)), pose_space(everything[0].motion.joint_names),
+    return People(everything, scale_of(balanced(everything, seed=seed)), pose_space([one.motion for one in everything]),
                   np.random.default_rng(seed))

@@ -51,8 +51,8 @@ def main():
     report.text(f'Largest relative rise of the objective at fixed temperatures in all iterations: {worst:.1e} '
                 '(never positive beyond rounding).')
     labels = [machine.recordings[name] for name in ACTED]
-    aligned = alignments(motions, machine.coordinates.weights)
-    data = [machine.coordinates.encode(motion.positions)[:, :q] for motion in motions]
+    aligned = alignments([machine.encoded(motion) for motion in motions], machine.coordinates.weights)
+    data = [machine.coordinates.encode(machine.encoded(motion).positions)[:, :q] for motion in motions]
     centred = [x - x.mean(axis=0) for x in data]
     pooled = plain_hmm(centred, machine.n_states, args.seed)
     pooled_raw = plain_hmm(data, machine.n_states, args.seed)

@@ -17,6 +17,12 @@ from style_core.style_machine.trajectory import information, refine_means, traje
 HELD_OUT = ('07_02', '08_02', '35_02', '16_32', '16_31', '09_02', '16_36', '07_05')
 
 
+def in_angles(machine, coordinates, motion):
+    """A motion of model coordinates (T, D) in joint angles, with the stamps of ``motion``."""
+    values = machine.coordinates.decode(coordinates)
+    return machine.decoded(motion.joints(machine.joint_names).replace(positions=values))
+
+
 def refined(machine, motions):
     """RMS of training recordings after the paper's refinement of means, one style at a time."""
     errors = []
@@ -24,11 +30,10 @@ def refined(machine, motions):
         v = machine.styles[motion.name]
         emission = machine.at(v)
         content = analyze(machine, motion).gamma
-        target = machine.coordinates.encode(motion.positions)
+        target = machine.coordinates.encode(machine.encoded(motion).positions)
         positions, velocities = refine_means(emission, [content], [target - emission.pose])
         better = replace(emission, positions=positions, velocities=velocities)
-        path = machine.coordinates.decode(trajectory(information(better), content))
-        errors.append(float(np.degrees(np.sqrt(((path - motion.positions) ** 2).mean()))))
+        errors.append(rms_deg(in_angles(machine, trajectory(information(better), content), motion), motion))
     return errors
 
 
@@ -45,8 +50,8 @@ def pooled(machine, motions, held_out, seed):
     q = c.leading
 
     def own(motion):
-        x = c.encode(motion.positions)
-        return x - c.encode(mean_pose(motion))
+        posed = machine.encoded(motion)
+        return c.encode(posed.positions) - c.encode(mean_pose(posed))
 
     data = [own(motion) for motion in motions]
     peer = GaussianHMM(machine.n_states, 'full', n_iter=50, random_state=seed, covars_prior=1e-3)
@@ -68,8 +73,8 @@ def pooled(machine, motions, held_out, seed):
 
     def error(motion):
         x = own(motion)
-        path = c.decode(trajectory(information(emission), content(x).gamma) + c.encode(mean_pose(motion)))
-        return float(np.degrees(np.sqrt(((path - motion.positions) ** 2).mean())))
+        pose = c.encode(mean_pose(machine.encoded(motion)))
+        return rms_deg(in_angles(machine, trajectory(information(emission), content(x).gamma) + pose, motion), motion)
 
     return [error(motion) for motion in motions], [error(motion) for motion in held_out]
 
@@ -97,12 +102,11 @@ def main():
         found = analyze(machine, motion)
         projected = synthesize(machine, found.gamma, found.v)
         emission = found.emission
-        path = machine.coordinates.decode(trajectory(information(emission), found.gamma))
-        posed = machine.coordinates.decode(trajectory(information(
-            replace(machine.at(found.v), pose=emission.pose)), found.gamma))
+        path = in_angles(machine, trajectory(information(emission), found.gamma), motion)
+        posed = in_angles(machine, trajectory(information(
+            replace(machine.at(found.v), pose=emission.pose)), found.gamma), motion)
         rows.append([motion.name, found.nearest, rms_deg(projected, motion),
-                     float(np.degrees(np.sqrt(((posed - motion.positions) ** 2).mean()))),
-                     float(np.degrees(np.sqrt(((path - motion.positions) ** 2).mean()))),
+                     rms_deg(posed, motion), rms_deg(path, motion),
                      rms_deg(synthesize(machine, found.gamma, found.nearest), motion), peer,
                      float(np.degrees(motion.positions.std(axis=0).mean()))])
         per_joint = np.degrees(np.sqrt(((projected.positions - motion.positions) ** 2).mean(axis=0)))

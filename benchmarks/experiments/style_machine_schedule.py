@@ -51,7 +51,8 @@ def main():
             begin = time.perf_counter()
             machine = learn(motions, settings, skeleton=tree)
             elapsed = time.perf_counter() - begin
-            aligned = alignments(motions, machine.coordinates.weights) if aligned is None else aligned
+            if aligned is None:
+                aligned = alignments([machine.encoded(motion) for motion in motions], machine.coordinates.weights)
             labels = list(machine.recordings.values())
             errors = []
             for motion in held_out:

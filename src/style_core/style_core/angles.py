@@ -1,7 +1,8 @@
 """Angles that run on smoothly: unwrapping, equivalent Euler triples, exponential maps."""
 import numpy as np
 
-__all__ = ['unwrap', 'continuous_triples', 'continuous', 'rotation_about', 'rotation_from_expmap']
+__all__ = ['unwrap', 'continuous_triples', 'continuous', 'matrices_of', 'triples_from', 'reordered', 'rotation_about',
+           'rotation_from_expmap']
 
 
 def unwrap(angles):
@@ -69,7 +70,7 @@ def continuous_triples(triples, middle, near=None):
     return result
 
 
-def continuous(motion, orders=None):
+def continuous(motion):
     """Give every joint of a motion a continuous course.
 
     Joints with all three of the channels ``.rx``, ``.ry``, ``.rz`` choose among equivalent Euler triples, all other
@@ -78,27 +79,98 @@ def continuous(motion, orders=None):
     Parameters
     ----------
     motion : Motion
-    orders : mapping of str to str, optional
-        Order of rotation of a joint, e.g. ``{'hip': 'ZXY'}``; ``'XYZ'`` where not given.
+        Its ``orders`` say how each joint turns.
 
     Returns
     -------
     Motion
     """
-    orders = orders or {}
     positions = motion.positions.copy()
-    column = {name: index for index, name in enumerate(motion.joint_names)}
     in_triple = set()
-    for name in motion.joint_names:
-        joint, _, axis = name.rpartition('.')
-        triple = [column.get(f'{joint}.r{letter}') for letter in 'xyz']
-        if axis == 'rx' and None not in triple:
-            middle = 'XYZ'.index(orders.get(joint, 'XYZ')[1].upper())
-            positions[:, triple] = continuous_triples(positions[:, triple], middle)
-            in_triple.update(triple)
+    for joint, triple in motion.triples.items():
+        middle = 'XYZ'.index(motion.order_of(joint)[1])
+        positions[:, triple] = continuous_triples(positions[:, triple], middle)
+        in_triple.update(triple)
     rest = [c for c, unit in enumerate(motion.units) if unit == 'rad' and c not in in_triple]
     positions[:, rest] = unwrap(positions[:, rest])
     return motion.replace(positions=positions)
+
+
+def matrices_of(triples, order='XYZ'):
+    """Rotation matrices of Euler triples.
+
+    Parameters
+    ----------
+    triples : ndarray, shape (..., 3)
+        Angles about x, y and z, rad.
+    order : str
+        Axes in the order in which is turned about them, all fixed: ``'XYZ'`` is Rz Ry Rx.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+    """
+    triples = np.asarray(triples, dtype=np.float64)
+    result = np.broadcast_to(np.eye(3), triples.shape[:-1] + (3, 3))
+    for letter in order:
+        axis = 'XYZ'.index(letter)
+        turns = rotation_about(np.eye(3)[axis], triples[..., axis].ravel())
+        result = turns.reshape(result.shape) @ result
+    return result
+
+
+def triples_from(matrices, order='XYZ'):
+    """Euler triples of rotation matrices; the inverse of `matrices_of`.
+
+    Parameters
+    ----------
+    matrices : ndarray, shape (..., 3, 3)
+    order : str
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Angles about x, y and z, rad, the second of the order within a quarter turn; at the gimbal lock the third of
+        the order is zero.
+    """
+    i, j, k = ('XYZ'.index(letter) for letter in order)
+    sign = 1.0 if (j - i) % 3 == 1 else -1.0  # a left-handed order turns the other way round
+    m = np.asarray(matrices, dtype=np.float64)
+    across = np.hypot(m[..., i, i], m[..., j, i])
+    locked = across < 1e-9
+    result = np.empty(m.shape[:-1])
+    result[..., j] = sign * np.arctan2(-m[..., k, i], across)
+    result[..., i] = sign * np.where(locked, np.arctan2(-m[..., j, k], m[..., j, j]),
+                                     np.arctan2(m[..., k, j], m[..., k, k]))
+    result[..., k] = sign * np.where(locked, 0.0, np.arctan2(m[..., j, i], m[..., i, i]))
+    return result
+
+
+def reordered(motion, orders):
+    """The same rotations in other orders.
+
+    Parameters
+    ----------
+    motion : Motion
+    orders : mapping of str to str
+        Wanted order of each joint; ``'XYZ'`` where not given. Joints that turn in it already stay bit for bit.
+
+    Returns
+    -------
+    Motion
+    """
+    positions, changed = motion.positions, {}
+    for joint, triple in motion.triples.items():
+        wanted = orders.get(joint, 'XYZ')
+        if wanted != motion.order_of(joint):
+            angles = triples_from(matrices_of(positions[:, triple], motion.order_of(joint)), wanted)
+            changed[triple] = continuous_triples(angles, 'XYZ'.index(wanted[1]))
+    if not changed:
+        return motion
+    positions = positions.copy()
+    for triple, angles in changed.items():
+        positions[:, triple] = angles
+    return motion.replace(positions=positions, orders={joint: orders.get(joint, 'XYZ') for joint in motion.triples})
 
 
 def rotation_about(axis, angles):

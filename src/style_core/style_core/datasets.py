@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from style_core.angles import continuous
 from style_core.errors import MotionError
-from style_core.formats import read_motion
 from style_core.formats.files import read_table
+from style_core.recordings import read_recording
 from style_core.skeleton import read_skeleton
 
 __all__ = ['BODY', 'Trial', 'mocap_folder', 'labels', 'trials', 'trial_path', 'trial', 'skeleton', 'cmu8']
@@ -111,7 +110,7 @@ def trial(name, rate_hz=60.0):
         62 channels; ``select(*BODY)`` keeps the 50 of the body.
     """
     row = _row(name)
-    motion = continuous(read_motion(mocap_folder() / row.file, rate_hz=row.rate_hz)).replace(name=name)
+    motion = read_recording(mocap_folder() / row.file, rate_hz=row.rate_hz).replace(name=name)
     return motion if rate_hz is None or rate_hz == row.rate_hz else motion.resample(rate_hz)
 
 

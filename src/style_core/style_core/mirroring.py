@@ -33,7 +33,7 @@ def partner_name(name, names):
     spelt = re.search(r'(?:(?<=[^A-Za-z])|^)(left|right|LEFT|RIGHT)(?=[^a-z]|$)|(Left|Right)(?![a-z])', name)
     if spelt:
         return name[:spelt.start()] + _WORDS[spelt.group()] + name[spelt.end():]
-    letter = re.search(r'^[lrLR](?=[_.\-])|(?<=[_.\-])[lrLR](?=[_.\-]|$)', name)
+    letter = re.search(r'^[lrLR](?=[_.\- ])|(?<=[_.\- ])[lrLR](?=[_.\- ]|$)', name)
     if letter:
         return name[:letter.start()] + _LETTERS[letter.group()] + name[letter.end():]
     if name[:1] in _LETTERS:
@@ -43,7 +43,7 @@ def partner_name(name, names):
     return name
 
 
-def mirror_rule(joint_names, skeleton=None):
+def mirror_rule(joint_names, skeleton=None, orders=None):
     """Columns and signs that exchange left and right.
 
     Parameters
@@ -51,6 +51,8 @@ def mirror_rule(joint_names, skeleton=None):
     joint_names : sequence of str, length D
     skeleton : Skeleton, optional
         See `Motion.mirror`.
+    orders : mapping of str to str, optional
+        As `Motion.orders`: partners must turn in the same order.
 
     Returns
     -------
@@ -72,6 +74,9 @@ def mirror_rule(joint_names, skeleton=None):
         if partner not in column:
             raise MotionError(f'cannot mirror: {name} needs its partner {partner}, which is not there')
         sources.append(column[partner])
+        own, other = ((orders or {}).get(one.rpartition('.')[0], 'XYZ') for one in (name, partner))
+        if own != other:
+            raise MotionError(f'cannot mirror: {name} turns in the order {own}, its partner {partner} in {other}')
         if skeleton is not None:
             if name not in signs_of:
                 raise MotionError(f'cannot mirror: skeleton {skeleton.name!r} has no channel {name}')

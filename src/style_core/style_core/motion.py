@@ -1,7 +1,7 @@
 """`Motion`: named joint positions over time, and what can be done with any recording."""
 import fnmatch
-from dataclasses import dataclass, replace
-from typing import Optional, Tuple
+from dataclasses import dataclass, field, replace
+from typing import Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -10,7 +10,10 @@ from style_core.errors import MotionError
 from style_core.sizes import demand
 from style_core.text import shown
 
-__all__ = ['Motion', 'concatenate', 'matching_names', 'usual_units']
+__all__ = ['Motion', 'USUAL_ORDER', 'concatenate', 'matching_names', 'triples_of', 'usual_units']
+
+#: order of rotation where nothing else is said
+USUAL_ORDER = 'XYZ'
 
 #: two stamps closer than this are the same instant (far below any recording's step, above float rounding), s
 SAME_INSTANT_S = 1e-7
@@ -34,12 +37,15 @@ class Motion:
         What the recording is called.
     epoch_ns : int, optional
         Stamp of time zero in ns (recordings from a bag); 0 where the recording has no absolute time.
+    orders : mapping of str to str, optional
+        Order of rotation of each joint with the three channels ``.rx``, ``.ry``, ``.rz``: ``'ZXY'`` turns about the
+        fixed axis z first, then x, then y (R = Ry Rx Rz). A joint that is not listed has ``'XYZ'``, as in Acclaim.
 
     Raises
     ------
     MotionError
-        If shapes do not fit, names repeat, there is no frame or channel, time does not increase strictly, or a
-        position is infinite.
+        If shapes do not fit, names repeat, there is no frame or channel, time does not increase strictly, a
+        position is infinite, or an order is none.
     """
 
     joint_names: Tuple[str, ...]
@@ -48,6 +54,7 @@ class Motion:
     units: Optional[Tuple[str, ...]] = None
     name: str = ''
     epoch_ns: int = 0
+    orders: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self):
         names = tuple(str(name) for name in self.joint_names)
@@ -75,8 +82,21 @@ class Motion:
         if np.isinf(positions).any():
             frame, joint = np.argwhere(np.isinf(positions))[0]
             raise MotionError(f'{self._title()}: position of {names[joint]} is infinite in frame {frame}')
-        for field, value in (('joint_names', names), ('positions', positions), ('times', times), ('units', units)):
-            object.__setattr__(self, field, value)
+        orders = self._own_orders(names)
+        for key, value in (('joint_names', names), ('positions', positions), ('times', times), ('units', units),
+                           ('orders', orders)):
+            object.__setattr__(self, key, value)
+
+    def _own_orders(self, names):
+        """The orders of joints with three angles that are there, checked; the usual order is left out."""
+        if not self.orders:
+            return {}
+        joints = triples_of(names)
+        for joint, order in self.orders.items():
+            if sorted(str(order).upper()) != ['X', 'Y', 'Z']:
+                raise MotionError(f'{self._title()}: the rotation order {order!r} of {joint} is not made of X, Y and Z')
+        return {joint: str(order).upper() for joint, order in self.orders.items()
+                if joint in joints and str(order).upper() != USUAL_ORDER}
 
     def _title(self):
         return f'motion {self.name!r}' if self.name else 'motion'
@@ -107,6 +127,15 @@ class Motion:
             return float('nan')
         # seven digits: stamps in whole nanoseconds must not turn 120 Hz into 120.0000048
         return float(f'{1.0 / np.median(np.diff(self.times)):.7g}')
+
+    @property
+    def triples(self):
+        """Joint -> columns of its channels ``.rx``, ``.ry``, ``.rz``, of joints that have all three."""
+        return triples_of(self.joint_names)
+
+    def order_of(self, joint):
+        """Order of rotation of a joint."""
+        return self.orders.get(joint, USUAL_ORDER)
 
     def replace(self, **changes):
         """Return a copy with some fields changed (checked again)."""
@@ -261,7 +290,7 @@ class Motion:
             If a joint's sign cannot be known or its partner on the other side is absent.
         """
         from style_core.mirroring import mirror_rule
-        sources, signs = mirror_rule(self.joint_names, skeleton)
+        sources, signs = mirror_rule(self.joint_names, skeleton, self.orders)
         return self.replace(positions=self.positions[:, sources] * signs,
                             units=tuple(self.units[source] for source in sources))
 
@@ -309,6 +338,18 @@ def _check_patterns(patterns):
         raise MotionError(f'patterns of {sum(sizes)} bytes together are refused: {PATTERN_LIST_BYTES} at most')
 
 
+def triples_of(names):
+    """Joint -> columns of ``joint.rx``, ``joint.ry``, ``joint.rz`` among ``names``, where all three are there."""
+    column = {name: index for index, name in enumerate(names)}
+    found = {}
+    for name in names:
+        joint, _, axis = name.rpartition('.')
+        triple = tuple(column.get(f'{joint}.r{letter}') for letter in 'xyz')
+        if axis.startswith('r') and joint not in found and None not in triple:
+            found[joint] = triple
+    return found
+
+
 def usual_units(names):
     """Units of channels from their names: m for ``root.tx`` and the like, rad for all others (tuple of str)."""
     return tuple('m' if name.endswith(('.tx', '.ty', '.tz')) else 'rad' for name in names)
@@ -347,6 +388,8 @@ def concatenate(motions, name=''):
         motion = motion.joints(first.joint_names)
         if motion.units != first.units:
             raise MotionError(f'cannot concatenate: {motion._title()} and {first._title()} differ in units')
+        if motion.orders != first.orders:
+            raise MotionError(f'cannot concatenate: {motion._title()} and {first._title()} differ in rotation orders')
         stamps = motion.times if end is None else motion.times - motion.times[0] + end
         parts.append(motion.positions)
         times.append(stamps)

@@ -4,6 +4,8 @@ from typing import Mapping
 
 from style_core import phase_style
 from style_core.errors import ModelError, UsageError
+from style_core.joint_space import space_of
+from style_core.joint_space.online import SpacedPredictor
 from style_core.model_file import read_header
 from style_core.phase_style.full import PARTS
 from style_core.predictor import OnlinePredictor
@@ -73,9 +75,11 @@ def read_predictor(path, method=phase_style.METHODS[0], without=()):
     if set(without) - set(_AROUND) and (kind != phase_style.KIND or method != phase_style.METHODS[0]):
         raise UsageError('parts can be left out of the full filter of a phase-style model only')
     found = _READERS[kind](path, method, set(without) - {'unknown'})
-    if method != phase_style.METHODS[0] or 'unknown' in without:
-        return found
-    return replace(found, predictor=OpenPredictor(found.predictor, next(iter(found.rhythmic))))
+    if method == phase_style.METHODS[0] and 'unknown' not in without:
+        found = replace(found, predictor=OpenPredictor(found.predictor, next(iter(found.rhythmic))))
+    # dynamics of the coordinates, too, know no wraps; the predictors of other kinds take and give angles themselves
+    space = space_of(path) if kind == phase_style.KIND else None
+    return found if space is None else replace(found, predictor=SpacedPredictor(found.predictor, space))
 
 
 def _phase_style(path, method, without):

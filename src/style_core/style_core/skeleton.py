@@ -8,7 +8,6 @@ import numpy as np
 
 from style_core.angles import rotation_about
 from style_core.errors import MotionError
-from style_core.motion import Motion
 
 __all__ = ['Channel', 'Body', 'Skeleton', 'read_skeleton', 'euler_matrix']
 
@@ -31,6 +30,9 @@ class Channel:
         Limits, rad or m; infinite where there are none.
     scale, offset : float
         The body moves by ``scale * value + offset`` (URDF mimic joints).
+    rest : float
+        Value at rest. The body moves by what the value differs from it: a BVH position channel replaces this component
+        of the body's ``offset``.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Channel:
     high: float = np.inf
     scale: float = 1.0
     offset: float = 0.0
+    rest: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,8 +146,10 @@ class Skeleton:
     def poses(self, motion):
         """Positions, shape (T, B, 3), and rotation matrices, shape (T, B, 3, 3); see `forward`."""
         self.check_channels(motion.joint_names)
-        column = {name: index for index, name in enumerate(motion.joint_names)}
-        count = motion.n_frames
+        return self._poses(dict(zip(motion.joint_names, motion.positions.T)), motion.n_frames)
+
+    def _poses(self, values_of, count):
+        """Positions and rotations of ``count`` frames; ``values_of`` channels, shape (count,); others are at rest."""
         positions = np.empty((count, len(self.bodies), 3))
         rotations = np.empty((count, len(self.bodies), 3, 3))
         for index, body in enumerate(self.bodies):
@@ -156,8 +161,8 @@ class Skeleton:
                 place = positions[:, body.parent] + turn @ body.offset
                 turn = turn @ body.before
             for channel in body.channels:
-                if channel.name in column:
-                    values = motion.positions[:, column[channel.name]] * channel.scale + channel.offset
+                if channel.name in values_of:
+                    values = (values_of[channel.name] - channel.rest) * channel.scale + channel.offset
                 elif channel.offset:
                     values = np.array([channel.offset])
                 else:
@@ -172,12 +177,12 @@ class Skeleton:
         return positions, rotations
 
     def rest(self):
-        """Positions, shape (B, 3), and rotations, shape (B, 3, 3), with all channels at zero."""
-        positions, rotations = self.poses(Motion(self.channel_names[:1], [[0.0]], [0.0]))
+        """Positions, shape (B, 3), and rotations, shape (B, 3, 3), with all channels at rest."""
+        positions, rotations = self._poses({}, 1)
         return positions[0], rotations[0]
 
     def rest_axes(self):
-        """Channel -> (kind, direction, shape (3,)) in the world, with all channels at zero."""
+        """Channel -> (kind, direction, shape (3,)) in the world, with all channels at rest."""
         _, rotations = self.rest()
         axes = {}
         for index, body in enumerate(self.bodies):

@@ -121,7 +121,7 @@ def test_pose_space_returns_the_same_rotations(seed):
     motion = made_motion('m', travel=1.0)
     noise = generator.normal(size=(1, motion.n_joints)) * np.where(np.array(motion.units) == 'm', 0.1, 0.7)
     motion = motion.replace(positions=motion.positions + noise)
-    space = pose_space(motion.joint_names)
+    space = pose_space([motion])
     back = space.decode(space.encode(motion), 60.0)
     again = space.decode(space.encode(back), 60.0)
     np.testing.assert_allclose(again.positions, back.positions, atol=1e-8)

@@ -45,7 +45,7 @@ def test_bvh_means_what_its_channels_say(tmp_path):
     assert motion.rate_hz == 100.0 and motion.units[:4] == ('m', 'm', 'm', 'rad')
     hips = Rotation.from_euler('ZXY', [10, 20, 30], degrees=True)  # upper case: each about the turned axes
     leg = hips * Rotation.from_euler('YXZ', [5, 6, 7], degrees=True)
-    place = np.array([0.01, 0.92, 0.03])
+    place = np.array([0.01, 0.02, 0.03])  # a position takes the place of OFFSET
     joint = place + hips.apply([0.1, 0, 0])
     np.testing.assert_allclose(skeleton.forward(motion)[0], [place, joint, joint + leg.apply([0, -0.4, 0])], atol=1e-12)
     assert skeleton.body_names[-1] == 'LeftUpLeg_end'
@@ -117,7 +117,7 @@ def test_tables_take_units_gaps_and_any_separator(tmp_path):
 
 
 @pytest.mark.parametrize('text, words', [
-    ('time,a\n', 'empty'), ('a,b\n0,1\n', 'time'), ('time\n0\n', 'time'), ('time,a\n0,1\n\n0,2\n', 'line 4'),
+    ('time,a\n', 'empty'), ('a,b\n0,1\n', 'time'), ('time\n0\n', 'time'), ('time,a\n1,1\n\n0,2\n', 'line 4'),
     ('time,a\n0,1,2\n', 'line 2 has 3'), ('time,a\n0,x\n', "line 2: 'x'"), ('time,a,a\n0,1,1\n', 'more than once'),
     ('time,a,\n0,1,1\n', 'no name'), ('time,a\n,1\n', 'finite'), ('time,a\n0,inf\n', 'infinite'),
     ('time,a\n0,1_0\n', '1_0'), ('#\n', 'no header'),

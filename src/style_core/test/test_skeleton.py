@@ -132,7 +132,7 @@ def test_a_damaged_asf_is_refused_with_the_reason(tmp_path, change, words):
 @pytest.mark.parametrize('change, words', [
     (('</robot>', ''), 'XML'),
     (('<robot name="arm">', '<robot name="arm"><link name="base"/>'), 'unique'),
-    (('type="fixed"', 'type="floating"'), 'floating'),
+    (('type="fixed"', 'type="ball"'), 'ball'),
     (('<child link="lower"/>', '<child link="upper"/>'), 'two parents'),
     (('<child link="lower"/>', '<child link="nowhere"/>'), 'nowhere'),
     (('xyz="0 2 0"', 'xyz="0 0 0"'), 'zero length'),

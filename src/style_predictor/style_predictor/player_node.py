@@ -8,9 +8,8 @@ from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
-from style_core.angles import continuous
 from style_core.errors import UsageError
-from style_core.formats import read_motion
+from style_core.recordings import read_recording
 from style_core.skeleton import read_skeleton
 from style_core.stream.joint_map import identity_map, read_joint_map
 from style_core.stream.stamp_policy import NANOSECONDS
@@ -91,8 +90,8 @@ def _motion_of(values, logger):
     if not values['file']:
         raise UsageError('the parameter file is empty: give the path of a motion file')
     skeleton = read_skeleton(values['skeleton']) if values['skeleton'] else None
-    motion = continuous(read_motion(values['file'], skeleton, values['start'] or None, values['stop'] or None,
-                                    **({'topic': values['topic']} if values['topic'] else {})))
+    motion = read_recording(values['file'], skeleton, values['start'] or None, values['stop'] or None,
+                            **({'topic': values['topic']} if values['topic'] else {}))
     joints = [pattern for pattern in values['joints'] if pattern]
     if joints:
         motion = motion.select(*joints)

@@ -52,7 +52,7 @@ def run(args):
         if args.rename:
             return
         raise UsageError('give recordings to analyze')
-    motions = read_recordings(args.files, args.recorded_rate, model.joint_names)
+    motions = read_recordings(args.files, args.recorded_rate, model.joint_names, args.unit)
     results = [analyze(model, motion) for motion in tqdm(motions, desc='analyzing', disable=None, leave=False)]
     rows = [{'recording': r.name, 'style': model.style_names[r.style],
              'probability': float(r.style_probabilities[r.style]),

@@ -43,7 +43,7 @@ def run(args):
     machine = load(args.model)
     found = []
     for path in args.files:
-        one = analyze(machine, named_recording(path, args.recorded_rate))
+        one = analyze(machine, named_recording(path, args.recorded_rate, args.unit))
         found.append(one)
         print(json.dumps(_record(one)) if args.json else _text(machine, one))
     if args.map:

@@ -13,12 +13,14 @@ bag (a folder).
 What a format cannot hold is refused with the reason (missing values in BVH or AMC, for example); an existing file is
 replaced only by a complete new one.
 """
+import argparse
+
 import numpy as np
 
-from style_core.angles import continuous
 from style_core.cli.files import add_output
 from style_core.cli.number import Number, Positive
-from style_core.formats import read_motion, skeleton_of, write_motion
+from style_core.cli.recordings import add_recorded_rate, read_recording
+from style_core.formats import skeleton_of, write_motion
 from style_core.skeleton import read_skeleton
 
 __all__ = ['add_arguments', 'run']
@@ -39,7 +41,8 @@ def add_arguments(parser, argv):
                         help='unwrap angles and choose among equivalent Euler triples so that nothing jumps')
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf file; the one that belongs to IN if '
                                                            'left out')
-    parser.add_argument('--input-rate', action=Positive, metavar='HZ', help='rate of an AMC file (120 if left out)')
+    add_recorded_rate(parser)
+    parser.add_argument('--input-rate', dest='recorded_rate', action=Positive, help=argparse.SUPPRESS)
     parser.add_argument('--length-unit', action=Positive, metavar='M',
                         help='length unit of BVH files in metres (0.01 if left out)')
     parser.add_argument('--topic', metavar='T', help='topic of a bag (/joint_states if left out)')
@@ -52,10 +55,8 @@ def run(args):
         skeleton = read_skeleton(args.skeleton, args.length_unit if args.skeleton.lower().endswith('.bvh') else None)
     else:
         skeleton = skeleton_of(args.input, args.length_unit)
-    motion = read_motion(args.input, skeleton, args.start, args.stop, rate_hz=args.input_rate,
-                         **_where(args.input, args))
-    if args.continuous:
-        motion = continuous(motion, skeleton.orders if skeleton is not None else None)
+    motion = read_recording(args.input, None, args.unit, skeleton=skeleton, start_s=args.start, stop_s=args.stop,
+                            rate_hz=args.recorded_rate, as_filed=not args.continuous, **_where(args.input, args))
     if args.mirror:
         motion = motion.mirror(skeleton)
     if args.select:

@@ -11,13 +11,12 @@ import json
 
 import numpy as np
 
-from style_core.angles import continuous
 from style_core.cli.files import add_output
 from style_core.cli.number import Count, Number
-from style_core.cli.recordings import add_recorded_rate
+from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.effort import EFFORTS, load, restyle
 from style_core.errors import UsageError
-from style_core.formats import read_motion, write_motion
+from style_core.formats import write_motion
 from style_core.skeleton import read_skeleton
 
 __all__ = ['add_arguments', 'run']
@@ -47,7 +46,8 @@ def run(args):
         raise UsageError('--picture needs --skeleton')
     library = load(args.library)
     skeleton = read_skeleton(args.skeleton) if args.skeleton else None
-    motion = continuous(read_motion(args.file, skeleton, rate_hz=args.recorded_rate)).replace(name=args.file)
+    motion = read_recording(args.file, None, args.unit, skeleton=skeleton, rate_hz=args.recorded_rate)
+    motion = motion.replace(name=args.file)
     result = restyle(library, motion, target, args.neighbours)
     write_motion(result.motion, args.output, skeleton=skeleton)
     kind = 'measured' if library.labeller == 'computed' else 'predicted'

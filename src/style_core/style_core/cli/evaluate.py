@@ -9,14 +9,16 @@ every frame. E is the mean squared error over instants, frames ahead and joints,
 horizon, in degrees; "still" is the error of expecting that nothing moves, "mean" that of the recording's own mean pose
 all along: a model that does no better knows nothing of the motion. Coverage is the share of values inside the 90 %
 band, which is honest from 85 to 95 %. Recordings that the model was trained on are named. Times are of this machine.
+Recordings that cannot be used are counted and named; the others go on.
 """
 import json
+import sys
 
 import numpy as np
 from tqdm import tqdm
 
 from style_core.cli.number import Count
-from style_core.cli.predictor_arguments import add_method, add_reading, hide, predictor_of
+from style_core.cli.predictor_arguments import add_method, add_reading, fitted, hide, predictor_of
 from style_core.cli.recordings import read_recording
 from style_core.errors import MotionError
 from style_core.evaluation import FRAMES_AHEAD, RATE_HZ, bands_verdict, paper_horizons, roll_out, summary, verdict
@@ -40,20 +42,30 @@ def run(args):
     """Evaluate and print."""
     predictor, method = predictor_of(args)
     header = read_header(args.model)
-    results = {}
+    results, failures = {}, {}
     for path in tqdm(args.files, desc='evaluating', unit='file', disable=None, leave=False):
-        key, one = _scored(path, predictor, args)
+        try:
+            key, one = _scored(path, predictor, args)
+        except MotionError as error:
+            failures[str(path)] = error
+            continue
         one.update(in_training=was_trained_on(header, path), verdict=verdict(
             one['error_deg2'], one['zero_velocity_error_deg2'], one['mean_pose_error_deg2']),
             bands=bands_verdict(float(np.mean(one['coverage']['0.9']))))
         results[key if key and key not in results else str(path)] = one
+    if not results:
+        raise next(iter(failures.values()))
+    for error in failures.values():
+        print(f'motion-style evaluate: {error}', file=sys.stderr)
     scored = [one['error_deg2'] for one in results.values() if np.isfinite(one['error_deg2'])]
     if not scored:
         raise MotionError('nothing could be scored: no value that was predicted is in the recording' +
                           ('s' if len(results) > 1 else ''))
     if args.json:
         print(json.dumps(_plain({'model': args.model, 'method': method, 'masked': list(args.mask),
-                                 'recordings': results}), indent=1, allow_nan=False))
+                                 'recordings': results,
+                                 'failed': {path: str(error) for path, error in failures.items()}}),
+                         indent=1, allow_nan=False))
         return
     shown = sorted({0, min(4, args.horizon - 1), min(9, args.horizon - 1), min(14, args.horizon - 1),
                     args.horizon - 1})
@@ -79,12 +91,14 @@ def run(args):
               + ('; was in training: it says nothing of anybody new' if one['in_training'] else ''))
     print(f'mean E {np.mean(scored):.2f} degrees squared; '
           f'RMS in degrees at frames ahead of {RATE_HZ:g} Hz' + (f'; method {method}' if method else ''))
+    if failures:
+        print(f'{len(failures)} of {len(args.files)} recordings could not be used: {", ".join(failures)}')
 
 
 def _scored(path, predictor, args):
     """Name of a recording, and `summary` of the predictions along it."""
     names = predictor.joint_names
-    motion = read_recording(path, args.recorded_rate).joints(list(names)).resample(RATE_HZ)
+    motion = fitted(read_recording(path, args.recorded_rate, args.unit), predictor).resample(RATE_HZ)
     if motion.n_frames <= args.horizon:
         raise MotionError(f'{path} has {motion.n_frames} frames at {RATE_HZ:g} Hz: too short to score a prediction of '
                           f'{args.horizon} frames (--horizon)')

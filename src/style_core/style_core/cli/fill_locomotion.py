@@ -41,7 +41,7 @@ def run(args):
     model = load(args.model)
     if not (args.output or args.score):
         raise UsageError('say where to write (-o) or ask for --score')
-    given = named_recording(args.file, args.recorded_rate)
+    given = named_recording(args.file, args.recorded_rate, args.unit)
     present = set(given.joint_names)
     known = [name for name in model.joint_names if name in present]
     if not known:

@@ -12,6 +12,7 @@ from style_core.cli.files import add_output
 from style_core.cli.predictor_arguments import add_reading, hide
 from style_core.cli.recordings import read_recording
 from style_core.formats import write_motion
+from style_core.joint_space import space_of
 from style_core.motion import Motion
 from style_core.phase_style import load_behaviours
 from style_core.phase_style.smoother import fill
@@ -31,10 +32,17 @@ def run(args):
     """Fill and write."""
     behaviours = load_behaviours(args.model)
     names = behaviours[0].joint_names
-    motion = read_recording(args.file, args.recorded_rate)
+    motion = read_recording(args.file, args.recorded_rate, args.unit)
     masked, hidden = hide(motion, names, args.mask)
-    filled, std, report = fill(behaviours, masked, lambda pieces: tqdm(pieces, desc='smoothing', unit='piece',
-                                                                       disable=None, leave=False))
+    space = space_of(args.model)
+    shown = masked if space is None else space.encode_motion(masked)
+    filled, std, report = fill(behaviours, shown, lambda pieces: tqdm(pieces, desc='smoothing', unit='piece',
+                                                                      disable=None, leave=False))
+    if space is not None:
+        place = [masked.joint_names.index(name) for name in names]
+        positions = masked.positions.copy()
+        positions[:, place], std = space.select(names).fill_in(positions[:, place], filled.joints(names).positions, std)
+        filled = masked.replace(positions=positions)
     write_motion(filled, args.output)
     if args.std:
         write_motion(Motion(names, std, motion.times, name=motion.name), args.std)

@@ -7,6 +7,7 @@ motion-style info my_bag --topic /leg_states
 
 The picture shows stick figures where a skeleton is known, and the course of the joints.
 """
+import argparse
 import importlib
 import json
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from style_core.cli.files import add_output
 from style_core.cli.number import Positive
+from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.cli.registry import KIND_COMMANDS
 from style_core.errors import ModelError, UsageError
 from style_core.formats import read_motion, skeleton_of
@@ -35,7 +37,8 @@ def add_arguments(parser, argv):
     parser.add_argument('--select', action='append', default=[], metavar='PATTERN',
                         help="joints of a motion to show, e.g. 'l*'; '!PATTERN' leaves out")
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf file for the picture')
-    parser.add_argument('--input-rate', action=Positive, metavar='HZ', help='rate of an AMC file (120 if left out)')
+    add_recorded_rate(parser)
+    parser.add_argument('--input-rate', dest='recorded_rate', action=Positive, help=argparse.SUPPRESS)
     parser.add_argument('--topic', metavar='T', help='topic of a bag')
 
 
@@ -46,7 +49,7 @@ def run(args):
         if args.picture or args.select:
             raise UsageError('--picture and --select are for motion files; this is a model')
     else:
-        motion = read_motion(args.file, rate_hz=args.input_rate, topic=args.topic)
+        motion = read_recording(args.file, None, args.unit, as_filed=True, topic=args.topic, rate_hz=args.recorded_rate)
         shown = motion.select(*args.select) if args.select else motion
         description = describe_motion(shown)
         if args.picture:

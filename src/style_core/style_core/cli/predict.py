@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from style_core.cli.files import add_output
 from style_core.cli.number import Number, Positive
-from style_core.cli.predictor_arguments import add_method, add_reading, hide, predictor_of
+from style_core.cli.predictor_arguments import add_method, add_reading, fitted, hide, predictor_of
 from style_core.cli.recordings import read_recording
 from style_core.errors import UsageError
 from style_core.formats import write_motion
@@ -46,7 +46,7 @@ def add_arguments(parser, argv):
 def run(args):
     """Predict and write."""
     predictor, _ = predictor_of(args)
-    motion = read_recording(args.file, args.recorded_rate).joints(list(predictor.joint_names))
+    motion = fitted(read_recording(args.file, args.recorded_rate, args.unit), predictor)
     motion, _ = hide(motion, predictor.joint_names, args.mask)
     if args.at is not None:
         if not motion.times[0] <= args.at <= motion.times[-1]:

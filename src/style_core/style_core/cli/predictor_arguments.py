@@ -1,6 +1,7 @@
 """What the commands that predict share: masks and the method."""
 import numpy as np
 
+from style_core.angles import reordered
 from style_core.cli.recordings import add_recorded_rate
 from style_core.errors import MotionError, UsageError
 from style_core.motion import matching_names
@@ -8,7 +9,7 @@ from style_core.phase_style import KIND, METHODS
 from style_core.phase_style.full import PARTS
 from style_core.predictors import read_predictor
 
-__all__ = ['add_reading', 'add_method', 'predictor_of', 'hide']
+__all__ = ['add_reading', 'add_method', 'predictor_of', 'fitted', 'hide']
 
 
 def add_reading(parser):
@@ -32,6 +33,14 @@ def predictor_of(args):
     """Predictor of the model and method that were asked for, and the method: None for kinds that have only one."""
     found = read_predictor(args.model, args.method, args.without)
     return found.predictor, args.method if found.kind == KIND else None
+
+
+def fitted(motion, predictor):
+    """The predictor's joints of a recording, in its order; each turns in the order that the model learned."""
+    orders = getattr(predictor, 'orders', None)
+    if orders is not None:
+        motion = reordered(motion, {**motion.orders, **orders})
+    return motion.joints(list(predictor.joint_names))
 
 
 def hide(motion, names, patterns):

@@ -10,12 +10,12 @@ import json
 
 import numpy as np
 
-from style_core.angles import continuous
 from style_core.cli.files import add_output
 from style_core.cli.number import Positive
+from style_core.cli.recordings import read_recording
 from style_core.datasets import BODY
 from style_core.errors import UsageError
-from style_core.formats import read_motion, skeleton_of
+from style_core.formats import skeleton_of
 from style_core.synthesis.orientation_fit import best_angles, directions_of, error_deg, fit_map, read_plan
 from style_core.synthesis.retargeting import write_robot
 
@@ -38,7 +38,7 @@ def _read(path, rate_hz, mirror):
     skeleton = skeleton_of(path)
     if skeleton is None:
         raise UsageError(f'{path} has no skeleton: orientations cannot be matched')
-    motion = continuous(read_motion(path, skeleton), skeleton.orders).resample(rate_hz)
+    motion = read_recording(path, skeleton=skeleton).resample(rate_hz)
     both = [motion, motion.mirror(skeleton)] if mirror else [motion]
     return [(one.select(*BODY), skeleton) for one in both]
 

@@ -57,7 +57,7 @@ def run(args):
         raise UsageError('--picture needs --skeleton')
     recording = None
     if args.content:
-        recording = named_recording(args.content, args.recorded_rate)
+        recording = named_recording(args.content, args.recorded_rate, args.unit)
         found = analyze(machine, recording)
         style = machine.style(found.v if args.style is None else args.style)
         if args.style is not None:

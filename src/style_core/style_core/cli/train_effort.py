@@ -15,8 +15,9 @@ from pathlib import Path
 from tqdm import tqdm
 
 from style_core.cli.files import add_output
+from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Positive, Seed
-from style_core.cli.recordings import add_recorded_rate, chosen_joints, read_recording
+from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.cli.soundness import doubt_recordings
 from style_core.effort import joint_scale, save, train_library
 from style_core.effort.descriptors import EFFORTS
@@ -38,7 +39,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--labels', metavar='CSV', help="a person's labels (motion-style label); computed where absent")
     parser.add_argument('--labeller', metavar='NAME', help="use this person's labels only (default: the mean of all)")
     parser.add_argument('--joints', nargs='+', metavar='PATTERN',
-                        help="joints to keep; '!PATTERN' excludes (default: all but fingers and thumbs)")
+                        help=JOINTS_HELP.replace('no root', 'a root only if it is complete'))
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf; weighs joints by how far they move '
                                                            'the body (default: all joints weigh the same)')
     parser.add_argument('--rate', action=Positive, default=60.0, metavar='HZ', help='rate of the library (default: 60)')
@@ -58,7 +59,9 @@ def run(args):
     paths = sorted({path for _, path, *_ in rows})
     recordings = {}
     for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
-        recordings[path] = chosen_joints(read_recording(path, args.recorded_rate).resample(args.rate), args.joints)
+        recordings[path] = read_recording(path, args.recorded_rate, args.unit).resample(args.rate)
+    names = chosen_joints(list(recordings.values()), list(recordings), args.joints, root=True)
+    recordings = {path: motion.joints(names) for path, motion in recordings.items()}
     motions = []
     for name, path, start, stop, _ in rows:
         piece = recordings[path] if start is None else recordings[path].slice(start, stop)

@@ -15,8 +15,9 @@ import numpy as np
 from tqdm import tqdm
 
 from style_core.cli.files import add_output
+from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Positive, Seed
-from style_core.cli.recordings import add_recorded_rate, chosen_joints, named_recording
+from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.cli.soundness import doubt_fit, doubt_recordings, doubt_repetition
 from style_core.errors import UsageError
 from style_core.formats.files import read_table
@@ -38,7 +39,7 @@ def add_arguments(parser, argv):
         '--joints',
         nargs='+',
         metavar='PATTERN',
-        help="joints to learn, as shell patterns; '!PATTERN' excludes (default: all but fingers and thumbs)",
+        help=JOINTS_HELP.replace('no root', 'a root only if it is complete'),
     )
     parser.add_argument('--rate', action=Positive, metavar='HZ',
                         help="rate to learn at (default: the recordings' lowest)")
@@ -52,20 +53,21 @@ def add_arguments(parser, argv):
     )
 
 
-def read_recordings(files, recorded_rate=None, joints=None):
-    """Motions of files, continuous and named by their stem; all channels but fingers and thumbs unless ``joints``
+def read_recordings(files, recorded_rate=None, joints=None, unit=None):
+    """Motions of files, continuous and named by their stem; the body's joints and a root that travels unless ``joints``
     says."""
     motions = []
     for path in tqdm(files, desc='reading', unit='file', disable=None, leave=False):
-        motion = named_recording(path, recorded_rate)
-        motions.append(chosen_joints(motion, joints))
-    return motions
+        motion = named_recording(path, recorded_rate, unit)
+        motions.append(motion)
+    names = chosen_joints(motions, files, joints, root=True)
+    return [motion.joints(names) for motion in motions]
 
 
 def run(args):
     """Learn, name, save."""
     counts = _counts(args.styles)
-    motions = read_recordings(args.files, args.recorded_rate, args.joints)
+    motions = read_recordings(args.files, args.recorded_rate, args.joints, args.unit)
     options = {'seed': args.seed, 'rate_hz': args.rate, 'n_iterations': args.iterations,
                'threads': args.threads, 'progress': True}
     if len(counts) > 1:

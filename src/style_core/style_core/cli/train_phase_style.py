@@ -11,21 +11,24 @@ motion-style train phase-style walk*.amc --histories -o with_recordings.npz
     also keep the recordings in the model file: predictions then lean on what the nearest recorded motion did next.
     Such a file holds recorded motion of people: share it only where the recordings may be shared
 
-Recordings may be of any known format, with their own rates. A recording is one style; recordings of one person
-should share the part of the file name before the first "_" or "-" (35_01, 35_02), because the uncertainty about a
-new person is learned by leaving one person out after the other.
+Recordings may be of any known format, with their own rates. A recording is one style. The uncertainty about a new
+person is learned by leaving one person out after the other, so it matters who is who: the part of the file name
+before the first "_" or "-" (35_01, 35_02), unless --person says otherwise.
 """
 
 import numpy as np
 from tqdm import tqdm
 
 from style_core.cli.files import add_output
+from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Positive
+from style_core.cli.people import add_person, people_of
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.cli.soundness import doubt_fit, doubt_recordings, doubt_repetition
 from style_core.errors import UsageError
+from style_core.joint_space import fit_space
 from style_core.phase_style import learn_correction, save_behaviours
-from style_core.phase_style.training import RATE_HZ, common_joints, to_sequence, train
+from style_core.phase_style.training import RATE_HZ, to_sequence, train
 
 __all__ = ['add_arguments', 'run']
 
@@ -41,8 +44,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--discrete-behaviour', nargs='+', action='append', default=[], metavar=('NAME', 'FILE'),
                         help='a discrete behaviour and its recordings; may be given several times')
     parser.add_argument('--joints', nargs='+', metavar='PATTERN',
-                        help="joints to learn, as shell patterns; '!PATTERN' excludes (default: all angles that the "
-                             'recordings share but root, fingers and thumbs)')
+                        help=JOINTS_HELP)
     parser.add_argument('--styles', action=Count, metavar='J',
                         help='dimension of the style (default: chosen from the singular values)')
     parser.add_argument('--rate', action=Positive, default=RATE_HZ, metavar='HZ',
@@ -52,6 +54,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--aligned-by', metavar='LOCOMOTION.npz',
                         help='take the phases of rhythmic recordings from this locomotion model (which must know '
                              'joints of theirs) instead of their auto-correlation')
+    add_person(parser)
     add_recorded_rate(parser)
 
 
@@ -69,23 +72,27 @@ def run(args):
     paths = sorted({file for (_, *files), _ in groups for file in files})
     motions = {}
     for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
-        motions[path] = named_recording(path, args.recorded_rate)
-    joints = common_joints(list(motions.values()), args.joints)
+        motions[path] = named_recording(path, args.recorded_rate, args.unit)
+    people = people_of(paths, args.person)
+    joints = chosen_joints(list(motions.values()), list(motions), args.joints)
+    space, motions = _in_joint_space(motions, joints)
     phase_of = None
     if args.aligned_by:
         from style_core.locomotion import analyze, load
         aligner = load(args.aligned_by)
+        recorded = {motion.name: space.decode_motion(motion) for motion in motions.values()}
 
         def phase_of(motion):
-            found = analyze(aligner, motion)
+            found = analyze(aligner, recorded[motion.name])
             return found.times, found.phase
     behaviours = [
         train([motions[file] for file in files], name, rhythmic, joints, args.styles, args.rate, progress=True,
-              phase_of=phase_of if rhythmic else None)
+              phase_of=phase_of if rhythmic else None, groups=[people[file] for file in files])
         for (name, *files), rhythmic in tqdm(groups, desc='learning', unit='behaviour', disable=None, leave=False)]
     correction = None
     if args.histories:
-        correction = learn_correction(behaviours, [[to_sequence(motions[file], joints, args.rate) for file in files]
+        correction = learn_correction(behaviours, [[to_sequence(motions[file], joints, args.rate, people[file])
+                                                    for file in files]
                                                    for (_, *files), _ in groups], progress=True)
     doubt_recordings(motions.values())
     for ((_, *files), rhythmic), behaviour in zip(groups, behaviours):
@@ -94,7 +101,7 @@ def run(args):
             doubt_repetition(own)
         doubt_fit(behaviour.name, behaviour.noise.sum(),
                   np.mean([np.nanvar(motion.positions, axis=0).sum() for motion in own]))
-    save_behaviours(args.output, behaviours, paths, correction)
+    save_behaviours(args.output, behaviours, paths, correction, space)
     for behaviour in behaviours:
         print(f'{behaviour.name}: {len(behaviour.sequences)} recordings, {len(set(behaviour.groups))} people, '
               f'{len(behaviour.joint_names)} joints, {behaviour.style_dimension} styles')
@@ -104,3 +111,10 @@ def run(args):
               '{:.2f} while tracking, {:.2f} while searching'.format(*correction.weight.mean(axis=1)))
         print('the file holds recorded motion: share it only where the recordings may be shared')
     print(f'wrote {args.output}')
+
+
+def _in_joint_space(motions, joints):
+    """What is learned in, and the recordings' joints in it."""
+    chosen = {path: motion.joints(joints) for path, motion in motions.items()}
+    space = fit_space(list(chosen.values()))
+    return space, {path: space.encode_motion(motion) for path, motion in chosen.items()}

@@ -16,8 +16,9 @@ from pathlib import Path
 from tqdm import tqdm
 
 from style_core.cli.files import add_output
+from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Number, Positive, Seed
-from style_core.cli.recordings import FURNITURE, add_recorded_rate, chosen_joints, named_recording
+from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.cli.soundness import doubt_recordings
 from style_core.errors import UsageError
 from style_core.formats import skeleton_of
@@ -34,8 +35,7 @@ def add_arguments(parser, argv):
                         help='a style and its recordings; may be given several times')
     add_output(parser, '-o', '--output', what='model', required=True, metavar='MODEL.npz', help='model file to write')
     parser.add_argument('--joints', nargs='+', metavar='PATTERN',
-                        help="joints to learn, as shell patterns; '!PATTERN' excludes (default: all angles that the "
-                             'recordings share but root, fingers and thumbs)')
+                        help=JOINTS_HELP)
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf (default: beside the first file)')
     parser.add_argument('--states', action=Count, default=75, metavar='N', help='states at the start (default: 75)')
     parser.add_argument('--dimensions', action=Count, most=10, default=10, metavar='D',
@@ -73,9 +73,10 @@ def run(args):
              'heat': args.heat, 'cross_entropy': args.cross_entropy, 'init': args.init}
     settings = Settings(**{key: value for key, value in given.items() if value is not None})
     skeleton = read_skeleton(args.skeleton) if args.skeleton else skeleton_of(paths[0])
-    motions = [named_recording(path, args.recorded_rate)
+    motions = [named_recording(path, args.recorded_rate, args.unit)
                for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False)]
-    motions = _common(motions, args.joints)
+    joints = chosen_joints(motions, paths, args.joints)
+    motions = [motion.joints(joints) for motion in motions]
     doubt_recordings(motions)
     checkpoint = args.output + '.checkpoint'
     with tqdm(desc='training', unit='it', disable=None, leave=False) as bar:
@@ -95,11 +96,3 @@ def run(args):
     shares = ', '.join(f'{100 * share:.0f} %' for share in machine.spectrum[:machine.dof])
     print(f'{machine.dof} style coordinates explain {shares}')
     print(f'wrote {args.output}')
-
-
-def _common(motions, patterns):
-    """Joints that all recordings have, without root and fingers unless patterns say what to take."""
-    shared = [name for name in motions[0].joint_names if all(name in motion.joint_names for motion in motions)]
-    if not shared:
-        raise UsageError('the recordings have no joint in common')
-    return [chosen_joints(motion.joints(shared), patterns, FURNITURE) for motion in motions]

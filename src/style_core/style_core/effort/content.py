@@ -29,10 +29,11 @@ def joint_scale(motions, skeleton):
     Returns
     -------
     ndarray, shape (D,)
-        m/rad. The angles of a ball joint share their mean: its exponential map has other axes than its Euler angles.
+        m/rad. The coordinates of a ball joint share their mean.
     """
-    names = pose_space(motions[0].joint_names).joint_names
-    weights = pose_weights([motion.joints(names) for motion in motions], skeleton)
+    space = pose_space(motions).joints
+    names = space.joint_names
+    weights = pose_weights([space.encode_motion(motion.joints(names)) for motion in motions], skeleton, space=space)
     joints = [name.rpartition('.')[0] or name for name in names]
     return np.array([np.mean([w for w, other in zip(weights, joints) if other == joint]) for joint in joints])
 

@@ -1,6 +1,7 @@
 """Space-time interpolation: a motion between two motions, or a little beyond them, in pose and in timing."""
 import numpy as np
 
+from style_core.angles import reordered
 from style_core.effort.pose import Poses, pose_space
 from style_core.effort.warping import smooth_warp, warp
 from style_core.errors import MotionError, UsageError
@@ -81,12 +82,15 @@ def interpolate_motions(first, second, alpha):
     if set(first.joint_names) != set(second.joint_names):
         differing = sorted(set(first.joint_names) ^ set(second.joint_names))
         raise MotionError(f'cannot interpolate motions that differ in joints {", ".join(differing[:5])}')
-    space = pose_space(first.joint_names)
+    space = pose_space([first, second])
     # a resampling that changes nothing but rounding would cost the exactness at the ends
     rate = first.rate_hz
     a, b = (space.encode(motion if abs(motion.rate_hz - rate) < 1e-6 * rate else motion.resample(rate))
             for motion in (first, second))
-    return space.decode(interpolate_poses(a, b, alpha), rate, name=f'{first.name}~{second.name}@{alpha:g}')
+    near = (first if alpha <= 0.5 else reordered(second, {**second.orders, **first.orders})).joints(space.joint_names)
+    name = f'{first.name}~{second.name}@{alpha:g}'
+    blend = space.decode(interpolate_poses(a, b, alpha), rate, name, near.positions[0])
+    return blend.joints(first.joint_names)
 
 
 def sample_frames(values, frames):

@@ -14,9 +14,10 @@ from style_core.effort.content import (
 )
 from style_core.effort.descriptors import EFFORTS, EffortScale, effort_scale, raw_descriptors
 from style_core.effort.interpolation import ALPHA_RANGE, interpolate_poses
-from style_core.effort.pose import Poses, PoseSpace, pose_space
+from style_core.effort.pose import Poses, PoseSpace, pose_space, pose_space_of
 from style_core.effort.regression import features, fit_regression
 from style_core.errors import ModelError, MotionError
+from style_core.joint_space import read_space
 from style_core.model_file import load_model, save_model
 
 __all__ = ['Blend', 'EffortLibrary', 'train_library', 'draw_blends', 'load', 'save', 'KIND', 'COMPUTED']
@@ -191,7 +192,7 @@ def train_library(motions, groups=None, scale=None, labels=None, blends=105, met
     if len(set(names)) != len(names):
         raise ModelError('two fragments have the same name')
     rate_hz = rate_hz or motions[0].rate_hz
-    space = pose_space(motions[0].joint_names)
+    space = pose_space(motions)
     fragments = tuple(space.encode(motion if abs(motion.rate_hz - rate_hz) < 1e-6 * rate_hz
                                    else motion.resample(rate_hz)) for motion in motions)
     scale = np.ones(len(space.joint_names)) if scale is None else np.asarray(scale, dtype=float)
@@ -250,7 +251,11 @@ def save(library, path, header=()):
     if library.space.has_root:
         arrays['root'] = np.concatenate([fragment.root for fragment in library.fragments])
     names = list(library.space.joint_names)
-    save_model(path, KIND, dict(header, joint_names=names, fragment_names=list(library.names), efforts=list(EFFORTS),
+    about, more = library.space.joints.entries()
+    arrays.update(more)
+    save_model(path, KIND, dict(header, **about, units=list(library.space.units),
+                                root=[library.space.root, library.space.root_order], joint_names=names,
+                                fragment_names=list(library.names), efforts=list(EFFORTS),
                                 rate_hz=library.rate_hz, threshold=library.threshold, labeller=library.labeller,
                                 method=library.method, settings=library.settings), arrays)
 
@@ -267,15 +272,16 @@ def load(path):
     try:
         lengths = arrays['lengths']
         cuts = np.cumsum(lengths)[:-1]
-        joints = np.split(arrays['joints'], cuts)
+        poses = np.split(arrays['joints'], cuts)
         roots = np.split(arrays['root'], cuts) if 'root' in arrays else [None] * len(lengths)
-        fragments = tuple(Poses(j, r, s) for j, r, s in zip(joints, roots, arrays['starts']))
-        root_names = [f'root.{kind}{axis}' for kind in 'tr' for axis in 'xyz'] if 'root' in arrays else []
-        space = pose_space([*root_names, *header['joint_names']])
+        fragments = tuple(Poses(j, r, s) for j, r, s in zip(poses, roots, arrays['starts']))
+        joints = read_space(header, arrays)
+        space = pose_space_of(header['joint_names'], 'root' in arrays) if joints is None else PoseSpace(
+            joints, tuple(header['units']), *header['root'])
         content = ContentSpace(arrays['content_mean'], arrays['content_basis'])
         blends = tuple(Blend(int(i), int(j), float(a)) for (i, j), a in zip(arrays['blend_pairs'],
                                                                          arrays['blend_alphas']))
-        contents = np.stack([content.coefficients(j * arrays['scale']) for j in joints])
+        contents = np.stack([content.coefficients(j * arrays['scale']) for j in poses])
         z = features(contents, arrays['efforts'], *arrays['blend_pairs'].T, arrays['blend_alphas'])
         model, settings = fit_regression(header['method'], z, arrays['blend_efforts'], header['settings'])
         return EffortLibrary(

@@ -4,14 +4,12 @@ from typing import Optional, Tuple
 
 import numpy as np
 
-from style_core.angles import continuous_triples, rotation_from_expmap
+from style_core.angles import continuous_triples, matrices_of, rotation_from_expmap, triples_from
 from style_core.errors import MotionError
-from style_core.motion import Motion
+from style_core.joint_space import JointSpace, fit_space
+from style_core.motion import USUAL_ORDER, Motion, triples_of
 
-__all__ = ['PoseSpace', 'pose_space', 'Poses']
-
-_ROOT = tuple(f'root.{kind}{axis}' for kind in 'tr' for axis in 'xyz')
-
+__all__ = ['PoseSpace', 'pose_space', 'pose_space_of', 'Poses']
 
 @dataclass(frozen=True, eq=False)
 class Poses:
@@ -20,7 +18,7 @@ class Poses:
     Attributes
     ----------
     joints : ndarray, shape (T, D)
-        Exponential maps (rad) of ball joints in the columns of their Euler angles; other joints unchanged.
+        Coordinates of the joints (`JointSpace`).
     root : ndarray, shape (T, 7), or None
         Sideways and forward travel a frame in the heading's own frame (m), height (m), turning a frame (rad), and
         tilt from the heading frame as an exponential map (rad). Free of where the motion started and where it faced.
@@ -36,44 +34,62 @@ class Poses:
         return len(self.joints)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PoseSpace:
-    """Names of the joint channels and which of them form ball joints.
+    """Joints in their `JointSpace`, and the root that is set apart.
 
     Attributes
     ----------
-    joint_names : tuple of str, length D
-        Without the root.
-    triples : tuple of (int, int, int)
-        Columns of joints with the channels ``.rx``, ``.ry``, ``.rz``, rotated in this order about fixed axes.
-    has_root : bool
+    joints : JointSpace
+        Of the D joint channels, without the root.
+    units : tuple of str, length D
+    root : str
+        Joint whose six channels say where the body is; empty without one.
+    root_order : str
+        Order in which it turns.
     """
 
-    joint_names: Tuple[str, ...]
-    triples: Tuple[Tuple[int, int, int], ...]
-    has_root: bool
+    joints: JointSpace
+    units: Tuple[str, ...]
+    root: str = ''
+    root_order: str = USUAL_ORDER
+
+    @property
+    def joint_names(self):
+        """Names of the D joint channels."""
+        return self.joints.joint_names
+
+    @property
+    def has_root(self):
+        """Whether there is a root."""
+        return bool(self.root)
 
     def encode(self, motion):
         """Return the `Poses` of a motion.
+
+        Parameters
+        ----------
+        motion : Motion
+            Its joints may turn in other orders than those of the space.
 
         Raises
         ------
         MotionError
             If joints are absent or values are missing.
         """
-        positions = motion.joints(self.joint_names).positions
-        if np.isnan(positions).any():
+        posed = motion.joints(self.joint_names)
+        if np.isnan(posed.positions).any():
             raise MotionError(f'motion {motion.name!r} has missing values: fill them first (motion-style fill)')
-        joints = positions.copy()
-        for triple in self.triples:
-            columns = list(triple)
-            joints[:, columns] = _expmaps(_matrices(positions[:, columns]))
-        if not self.has_root:
+        joints = self.joints.encode_motion(posed).positions
+        if np.isnan(joints).any():
+            wrong = self.joint_names[int(np.isnan(joints).any(axis=0).argmax())]
+            raise MotionError(f'motion {motion.name!r}: {wrong} passes two whole turns, which is no pose')
+        if not self.root:
             return Poses(joints, None, np.zeros(3))
-        root = motion.joints(_ROOT).positions
+        root = motion.joints(_channels(self.root)).positions
         if np.isnan(root).any():
             raise MotionError(f'motion {motion.name!r} has missing root values: fill them first (motion-style fill)')
-        return Poses(joints, *_encode_root(root))
+        return Poses(joints, *_encode_root(root, motion.order_of(self.root)))
 
     def decode(self, poses, rate_hz, name='', reference=None):
         """Return the `Motion` of poses at a constant rate; angles are continuous.
@@ -84,56 +100,58 @@ class PoseSpace:
         rate_hz : float
         name : str, optional
         reference : ndarray, shape (D,), optional
-            Joint angles that the first frame follows: of equivalent Euler triples the nearest are taken.
+            Joint angles that the first frame follows: of equivalent angles the nearest are taken.
         """
-        positions = poses.joints.copy()
-        for triple in self.triples:
-            columns = list(triple)
-            near = None if reference is None else reference[columns]
-            angles = continuous_triples(_euler(rotation_from_expmap(poses.joints[:, columns])), 1, near)
-            positions[:, columns] = angles
-        names, units = self.joint_names, ('rad',) * len(self.joint_names)
+        positions = self.joints.decode(poses.joints, reference)
+        if reference is not None and len(positions):
+            turns = 2 * np.pi * np.round((reference - positions[0]) / (2 * np.pi))
+            positions = positions + np.where(self.joints.folds, turns, 0.0)
+        names, units, orders = self.joint_names, self.units, dict(self.joints.orders)
         if poses.root is not None:
-            names = _ROOT + names
+            names = _channels(self.root) + names
             units = ('m',) * 3 + ('rad',) * 3 + units
-            positions = np.concatenate([_decode_root(poses), positions], axis=1)
-        return Motion(names, positions, np.arange(len(positions)) / rate_hz, units=units, name=name)
+            positions = np.concatenate([_decode_root(poses, self.root_order), positions], axis=1)
+            orders[self.root] = self.root_order
+        return Motion(names, positions, np.arange(len(positions)) / rate_hz, units=units, name=name, orders=orders)
 
 
-def pose_space(joint_names):
-    """Build the `PoseSpace` of a list of channel names (root channels, where all six are there, are set apart)."""
+def pose_space(motions):
+    """Build the `PoseSpace` of recordings with the same channels.
+
+    A root (``root``, else the first joint with positions and angles along all three axes) is set apart.
+
+    Parameters
+    ----------
+    motions : sequence of Motion
+    """
+    first = motions[0]
+    root, names = _parted(first.joint_names)
+    joints = fit_space([motion.joints(names) for motion in motions])
+    units = dict(zip(first.joint_names, first.units))
+    return PoseSpace(joints, tuple(units[name] for name in names), root, first.order_of(root))
+
+
+def pose_space_of(joint_names, has_root):
+    """The `PoseSpace` of a library from before: joints turn as Acclaim's do, and home is where all angles are zero."""
     names = tuple(joint_names)
-    has_root = all(name in names for name in _ROOT)
-    names = tuple(name for name in names if not name.startswith('root.'))
-    if not names:
+    balls = tuple(triples_of(names))
+    home = np.tile(np.eye(3), (len(balls), 1, 1))
+    joints = JointSpace(names, balls, {}, home, home, np.zeros(len(names)), np.zeros(len(names), dtype=bool))
+    return PoseSpace(joints, ('rad',) * len(names), 'root' if has_root else '')
+
+
+def _channels(root):
+    return tuple(f'{root}.{kind}{axis}' for kind in 'tr' for axis in 'xyz')
+
+
+def _parted(names):
+    """The root, and the names of all other channels."""
+    candidates = ['root', *dict.fromkeys(name.rpartition('.')[0] for name in names)]
+    root = next((one for one in candidates if one and all(name in names for name in _channels(one))), '')
+    others = tuple(name for name in names if not name.startswith((f'{root or "root"}.', 'root.')))
+    if not others:
         raise MotionError('there is no joint channel apart from the root')
-    column = {name: index for index, name in enumerate(names)}
-    triples = []
-    for name in names:
-        joint, _, axis = name.rpartition('.')
-        triple = tuple(column.get(f'{joint}.r{letter}') for letter in 'xyz')
-        if axis == 'rx' and None not in triple:
-            triples.append(triple)
-    return PoseSpace(names, tuple(triples), has_root)
-
-
-def _matrices(angles):
-    """Rz(c) Ry(b) Rx(a) for (T, 3) Euler angles."""
-    (sa, sb, sc), (ca, cb, cc) = np.sin(angles.T), np.cos(angles.T)
-    return np.stack([
-        np.stack([cc * cb, cc * sb * sa - sc * ca, cc * sb * ca + sc * sa], -1),
-        np.stack([sc * cb, sc * sb * sa + cc * ca, sc * sb * ca - cc * sa], -1),
-        np.stack([-sb, cb * sa, cb * ca], -1)], -2)
-
-
-def _euler(matrices):
-    """Angles of Rz(c) Ry(b) Rx(a); at the gimbal lock c is taken as zero."""
-    m = matrices
-    b = np.arctan2(-m[..., 2, 0], np.hypot(m[..., 0, 0], m[..., 1, 0]))
-    locked = np.hypot(m[..., 0, 0], m[..., 1, 0]) < 1e-9
-    a = np.where(locked, np.arctan2(-m[..., 1, 2], m[..., 1, 1]), np.arctan2(m[..., 2, 1], m[..., 2, 2]))
-    c = np.where(locked, 0.0, np.arctan2(m[..., 1, 0], m[..., 0, 0]))
-    return np.stack([a, b, c], -1)
+    return root, others
 
 
 def _expmaps(matrices):
@@ -149,9 +167,9 @@ def _expmaps(matrices):
     return maps
 
 
-def _encode_root(root):
-    """Root channels (T, 6) to heading-free ones; y is up, as in Acclaim files."""
-    matrices = _matrices(root[:, 3:])
+def _encode_root(root, order):
+    """Root channels (T, 6) to heading-free ones; y is up, as in Acclaim and BVH files."""
+    matrices = matrices_of(root[:, 3:], order)
     heading = np.unwrap(np.arctan2(matrices[:, 0, 2], matrices[:, 2, 2]))
     tilt = _expmaps(np.swapaxes(_turned(heading), -1, -2) @ matrices)
     travel = np.diff(root[:, [0, 2]], axis=0)
@@ -164,15 +182,15 @@ def _encode_root(root):
     return encoded, np.array([root[0, 0], root[0, 2], heading[0]])
 
 
-def _decode_root(poses):
+def _decode_root(poses, order):
     side, forward, height, turning, *tilt = poses.root.T
     # the step into the first frame is not part of the motion
     heading = poses.start[2] + np.concatenate([[0.0], np.cumsum(turning[1:])])
     middle = 0.5 * (heading[1:] + heading[:-1])
     x = poses.start[0] + np.concatenate([[0.0], np.cumsum(np.cos(middle) * side[1:] + np.sin(middle) * forward[1:])])
     z = poses.start[1] + np.concatenate([[0.0], np.cumsum(np.cos(middle) * forward[1:] - np.sin(middle) * side[1:])])
-    angles = _euler(_turned(heading) @ rotation_from_expmap(np.stack(tilt, -1)))
-    return np.column_stack([x, height, z, continuous_triples(angles, 1)])
+    angles = triples_from(_turned(heading) @ rotation_from_expmap(np.stack(tilt, -1)), order)
+    return np.column_stack([x, height, z, continuous_triples(angles, 'XYZ'.index(order[1]))])
 
 
 def _turned(heading):

@@ -28,7 +28,8 @@ def read_motion(path, skeleton=None, start_s=None, stop_s=None, **options):
     path : path-like
         An ``.amc``, ``.bvh``, ``.csv`` or ``.npz`` file, or a bag: its folder, or a ``.mcap`` or ``.db3`` file.
     skeleton : Skeleton, optional
-        For formats that do not describe their joints (AMC); the ``.asf`` file beside it where left out.
+        For formats that do not describe their joints: the ``.asf`` file beside an AMC file where left out; of tables,
+        archives and bags it says in which order joints turn where the file does not.
     start_s, stop_s : float, optional
         Read only the frames with ``start_s <= time < stop_s``.
     rate_hz : float, optional
@@ -38,22 +39,39 @@ def read_motion(path, skeleton=None, start_s=None, stop_s=None, **options):
     topic : str, optional
         Topic of a bag.
 
+    unit : {'rad', 'deg'}, optional
+        Of the columns of a table that name no unit.
+
     Returns
     -------
     Motion
+        Angles as the file has them; `style_core.recordings.read_recording` makes them continuous.
 
     Raises
     ------
     MotionError
         If the file is absent, damaged or of an unknown format, or an option means nothing for it.
+
+    Warns
+    -----
+    UserWarning
+        Where the file departs from its format and could be read all the same.
     """
     path = Path(path)
     module = _module(path)
     options = _fitting(path, module.READ_OPTIONS, dict(options, skeleton=skeleton))
     if 'start_s' in module.READ_OPTIONS:
-        return module.read(path, start_s=start_s, stop_s=stop_s, **options)
-    motion = module.read(path, **options)
+        return _ordered(module.read(path, start_s=start_s, stop_s=stop_s, **options), skeleton)
+    motion = _ordered(module.read(path, **options), skeleton)
     return motion if start_s is None and stop_s is None else motion.slice(start_s, stop_s)
+
+
+def _ordered(motion, skeleton):
+    """With the skeleton's orders where the file has none of its own."""
+    if skeleton is None or motion.orders:
+        return motion
+    orders = {joint: order for joint, order in skeleton.orders.items() if joint in motion.triples}
+    return motion.replace(orders=orders)
 
 
 def write_motion(motion, path, skeleton=None, **options):

@@ -1,12 +1,13 @@
 """Acclaim motion files (``.amc``): degrees and the skeleton's length unit, frames numbered from 1, no rate."""
 import re
+import warnings
 
 import numpy as np
 
 from style_core.errors import MotionError
 from style_core.formats import skeleton_of
 from style_core.formats.files import constant_step_s, read_text, replacing
-from style_core.motion import Motion, usual_units
+from style_core.motion import Motion
 
 __all__ = ['read', 'write', 'CMU_DOFS', 'CMU_LENGTH_M', 'DEFAULT_RATE_HZ']
 
@@ -43,7 +44,8 @@ def read(path, skeleton=None, rate_hz=None):
         Says which degrees of freedom a joint has and how long a length unit is; the ``.asf`` file beside it where
         left out, and without one the common layout of the CMU skeletons.
     rate_hz : float, optional
-        Where left out, what the file's comment ``# rate_hz`` says, as `write` puts it, else 120.
+        Where left out, what the file's header ``:SAMPLES-PER-SECOND`` or its comment ``# rate_hz`` says, as `write`
+        puts them, else 120.
 
     Returns
     -------
@@ -69,10 +71,11 @@ def read(path, skeleton=None, rate_hz=None):
     except ValueError:
         joints, values = _read_line_by_line(path, lines, first, dofs)
     names = [f'{joint}.{dof}' for joint in joints for dof in dofs[joint]]
-    units = usual_units(names)
+    units = ['rad' if name.rpartition('.')[2][0] == 'r' else 'm' for name in names]
     angle = np.pi / 180 if degrees else 1.0
     scale = np.array([length_m if unit == 'm' else angle for unit in units])
-    return Motion(names, values * scale, np.arange(len(values)) / rate_hz, units, name=path.stem)
+    return Motion(names, values * scale, np.arange(len(values)) / rate_hz, units, name=path.stem,
+                  orders={} if skeleton is None else skeleton.orders)
 
 
 def write(motion, path, skeleton=None):
@@ -105,7 +108,11 @@ def write(motion, path, skeleton=None):
     values = motion.positions / np.array([length_m if unit == 'm' else np.pi / 180 for unit in motion.units])
     rate = ''
     if motion.n_frames > 1:
-        rate = f'# rate_hz {float(f"{1 / constant_step_s(motion, path):.9g}")!r}\n'
+        rate_hz = float(f'{1 / constant_step_s(motion, path):.9g}')
+        rate = f'# rate_hz {rate_hz!r}\n:SAMPLES-PER-SECOND {rate_hz:.9g}\n'
+        if abs(rate_hz - DEFAULT_RATE_HZ) > 0.01 * DEFAULT_RATE_HZ:
+            warnings.warn(f'{path} is at {rate_hz:g} Hz and says so in its header, but other programs take any AMC '
+                          f'file for {DEFAULT_RATE_HZ:g} Hz', stacklevel=3)
     frame_text = '\n'.join(['%d'] + [joint + ' %.12g' * len(dofs[joint]) for joint in joints]) + '\n'
     with replacing(path) as stream:
         stream.write(f'#!OML:ASF\n{rate}:FULLY-SPECIFIED\n:DEGREES\n')
@@ -122,6 +129,11 @@ def _header(path, lines):
             degrees = word.upper() == ':DEGREES'
         elif word.startswith('# rate_hz ') and _NUMBER.match(word[10:]):
             rate_hz = float(word[10:])
+        elif word.upper().startswith(':SAMPLES-PER-SECOND'):
+            given = word.split()[1:]
+            if len(given) != 1 or not _NUMBER.match(given[0]) or not float(given[0]) > 0:
+                raise MotionError(f'{path}: line {index + 1}: {word[:40]!r} should name a positive rate')
+            rate_hz = float(given[0]) if rate_hz is None else rate_hz
         elif word and word[0] not in '#:':
             if not _FRAME.match(word):
                 raise MotionError(f'{path}: line {index + 1} should be a frame number, found {word[:40]!r}; '

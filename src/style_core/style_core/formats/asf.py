@@ -11,6 +11,8 @@ __all__ = ['read_skeleton']
 
 _INCH_M = 0.0254
 _DOFS = ('tx', 'ty', 'tz', 'rx', 'ry', 'rz')
+#: a bone may also change its length
+_BONE_DOFS = (*_DOFS, 'l')
 
 
 def read_skeleton(path):
@@ -94,7 +96,7 @@ def _root(path, lines, angle, length_m):
         raise MotionError(f'{path}: root order {" ".join(order)} is not made of TX TY TZ RX RY RZ')
     frame = euler_matrix(orientation, axis)
     return 'root', {'offset': position, 'before': frame, 'after': frame.T, 'tip': np.zeros(3), 'dofs': order,
-                    'order': axis, 'channels': _channels('root', order, axis, {})}
+                    'order': axis, 'channels': _channels('root', order, axis, {}, np.zeros(3))}
 
 
 def _bones(path, lines, angle, length_m):
@@ -127,8 +129,8 @@ def _bones(path, lines, angle, length_m):
             bone['order'] = _order(path, line, values[3:4] or ['XYZ'])
         elif key == 'dof':
             bone['dofs'] = tuple(value.lower() for value in values)
-            if len(set(bone['dofs'])) != len(values) or set(bone['dofs']) - set(_DOFS):
-                raise MotionError(f'{path}: line {line}: degrees of freedom must be of {" ".join(_DOFS)}, '
+            if len(set(bone['dofs'])) != len(values) or set(bone['dofs']) - set(_BONE_DOFS):
+                raise MotionError(f'{path}: line {line}: degrees of freedom must be of {" ".join(_BONE_DOFS)}, '
                                   f'found {" ".join(values)}')
     if bone is not None:
         raise MotionError(f'{path}: the file breaks off within a bone (no end)')
@@ -143,22 +145,25 @@ def _bone(path, line, bone, length_m):
     norm = np.linalg.norm(bone['direction'])
     direction = bone['direction'] / norm if norm > 0 else bone['direction']
     frame = euler_matrix(bone['axis'], bone['order'])
-    scale = {'r': np.pi / 180, 't': length_m}
+    scale = {'r': np.pi / 180, 't': length_m, 'l': length_m}
     limits = {dof: np.array(limit) * scale[dof[0]] for dof, limit in zip(bone['dofs'], bone['limits'])}
     return bone['name'], {
         'offset': np.zeros(3), 'before': frame, 'after': frame.T, 'tip': direction * bone['length'] * length_m,
         'dofs': bone['dofs'], 'order': bone['order'],
-        'channels': _channels(bone['name'], bone['dofs'], bone['order'], limits)}
+        'channels': _channels(bone['name'], bone['dofs'], bone['order'], limits, frame.T @ direction)}
 
 
-def _channels(name, dofs, order, limits):
-    """Channels as a product from left to right: translations, then the last axis of the order first."""
+def _channels(name, dofs, order, limits, along):
+    """Channels as a product from left to right: translations, the last axis of the order first, then the length."""
     turns = ['r' + letter.lower() for letter in reversed(order)]
     channels = []
     for dof in [dof for dof in dofs if dof[0] == 't'] + [dof for dof in turns if dof in dofs]:
         low, high = limits.get(dof, (-np.inf, np.inf))
         axis = tuple(float(letter == dof[1]) for letter in 'xyz')
         channels.append(Channel(f'{name}.{dof}', dof[0], axis, float(low), float(high)))
+    if 'l' in dofs:
+        low, high = limits.get('l', (-np.inf, np.inf))
+        channels.append(Channel(f'{name}.l', 't', tuple(map(float, along)), float(low), float(high)))
     return tuple(channels)
 
 

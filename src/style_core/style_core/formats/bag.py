@@ -22,6 +22,9 @@ DEFAULT_TOPIC = '/joint_states'
 #: a stamp further back than this before an earlier one is a clock that was set back, not a late message, s
 _SET_BACK_S = 0.5
 
+#: no joint goes to zero and back by more than this from one message to the next, rad
+_IDLE_JUMP_RAD = 0.2
+
 #: a zero stamp means that there is none, so a motion without absolute time is written from one second on
 _START_NS = 1_000_000_000
 
@@ -121,6 +124,9 @@ def write(motion, path, topic=None, storage=None):
         raise MotionError(f'the folder {path.parent} does not exist')
     if path.is_dir() if single else path.exists() and not _is_bag(path):
         raise MotionError(f'{path} exists and is no bag; it stays as it is')
+    if motion.orders:
+        warnings.warn(f'{path}: a bag has no place for the orders in which joints turn ({next(iter(motion.orders))} '
+                      f'and others): give the skeleton when it is read', stacklevel=3)
     store = get_typestore(Stores.ROS2_HUMBLE)
     state, header, time = (store.types[name] for name in
                            (JOINT_STATE, 'std_msgs/msg/Header', 'builtin_interfaces/msg/Time'))
@@ -195,13 +201,18 @@ def _series(path, messages):
             raise MotionError(f'{path}: the stamps are set back by {(latest[names] - stamp) * 1e-9:.3f} s in a message '
                               f'recorded at {recorded * 1e-9:.3f} s; read the parts before and after by start and stop')
         latest[names] = max(stamp, latest.get(names, stamp))
-        stamps, positions = gathered.setdefault(names, ([], []))
+        # publishers of the same joints may list them in different orders
+        listed, stamps, positions = gathered.setdefault(frozenset(names), (names, [], []))
         stamps.append(stamp)
-        positions.append(message.position)
-    series = {}
-    for names, (stamps, positions) in gathered.items():
-        for name, column in zip(names, np.array(positions, dtype=np.float64).T):
-            series.setdefault(name, []).append((np.array(stamps, dtype=np.int64), column))
+        positions.append(message.position if names == listed else
+                         [message.position[names.index(name)] for name in listed])
+    series, idle, twofold = {}, 0, 0
+    for names, stamps, positions in gathered.values():
+        stamps, positions = np.array(stamps, dtype=np.int64), np.array(positions, dtype=np.float64)
+        kept, differing = _of_one_publisher(stamps, positions)
+        idle, twofold = idle + int((~kept).sum()), twofold + differing
+        for name, column in zip(names, positions[kept].T):
+            series.setdefault(name, []).append((stamps[kept], column))
     infinite = 0
     for name, parts in series.items():
         stamps = np.concatenate([part[0] for part in parts])
@@ -214,10 +225,39 @@ def _series(path, messages):
         series[name] = stamps[last], values[last]
     for count, what in ((unusable, 'messages without a position for each of their joints were left out'),
                         (unstamped, 'messages without a stamp count from the time they were recorded'),
-                        (infinite, 'infinite positions count as missing')):
+                        (infinite, 'infinite positions count as missing'),
+                        (idle, 'messages of zeros only, amid others that move, were left out: a second publisher?'),
+                        (twofold, 'stamps come again with other positions, the last count: a second publisher?')):
         if count:
             warnings.warn(f'{path}: {count} {what}', stacklevel=4)
     return series
+
+
+def _of_one_publisher(stamps, positions):
+    """Which messages count, and how many stamps are left that come again with other positions.
+
+    A message of zeros only does not count where another one has its stamp, or where both messages beside it are
+    further from zero than a joint could go meanwhile.
+    """
+    order = np.argsort(stamps, kind='stable')
+    sorted_stamps, rows = stamps[order], positions[order]
+    size = np.abs(np.where(np.isnan(rows), 0.0, rows)).max(axis=1, initial=0.0)
+    zero = (rows == 0).all(axis=1)
+    kept = np.ones(len(rows), dtype=bool)
+    if zero.any() and not zero.all():
+        again = sorted_stamps[1:] == sorted_stamps[:-1]
+        beside = np.zeros(len(rows), dtype=bool)   # another message, not of zeros, has the stamp
+        beside[1:] |= again & ~zero[:-1]
+        beside[:-1] |= again & ~zero[1:]
+        before, after = np.append(0.0, size[:-1]), np.append(size[1:], 0.0)
+        kept = ~(zero & (beside | (np.minimum(before, after) > _IDLE_JUMP_RAD)))
+    left = np.flatnonzero(kept)
+    same = sorted_stamps[left][1:] == sorted_stamps[left][:-1]
+    with np.errstate(invalid='ignore'):
+        other = (np.abs(rows[left][1:] - rows[left][:-1]) > 1e-9).any(axis=1)
+    result = np.empty(len(rows), dtype=bool)
+    result[order] = kept
+    return result, int((same & other).sum())
 
 
 def _merged(series, origin, name):

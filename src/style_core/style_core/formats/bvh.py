@@ -1,5 +1,7 @@
 """Biovision files (``.bvh``): skeleton and motion in one; degrees, Euler orders as each joint's channels say."""
 import re
+import warnings
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from style_core.skeleton import Body, Channel, Skeleton
 
 __all__ = ['read', 'write', 'read_skeleton', 'DEFAULT_LENGTH_M']
 
-READ_OPTIONS = ('length_m',)
+READ_OPTIONS = ('length_m', 'rate_hz')
 WRITE_OPTIONS = ('skeleton', 'length_m')
 
 #: BVH files name no unit; most use centimetres
@@ -21,7 +23,7 @@ _CHANNELS = {letter.upper() + word: kind + letter for letter in 'xyz' for word, 
              (('position', 't'), ('rotation', 'r'))}
 
 
-def read(path, length_m=None):
+def read(path, length_m=None, rate_hz=None):
     """Read the motion of a BVH file.
 
     Parameters
@@ -29,6 +31,8 @@ def read(path, length_m=None):
     path : path-like
     length_m : float, optional
         One length unit in metres; 0.01 where left out.
+    rate_hz : float, optional
+        Counts where the file's frame time is none (a second or longer).
 
     Returns
     -------
@@ -39,16 +43,23 @@ def read(path, length_m=None):
     ------
     MotionError
         Naming the line where the file breaks off or does not fit.
+
+    Warns
+    -----
+    UserWarning
+        Where the file departs from the format and its meaning is clear all the same.
     """
-    skeleton, lines, at = _hierarchy(path, length_m)
-    count, step, start = _motion_head(path, lines, at)
+    skeleton, lines, at, odd = _hierarchy(path, length_m)
+    count, step, start = _motion_head(path, lines, at, odd, rate_hz)
     names = skeleton.channel_names
     rows = [(line_number, line.split()) for line_number, line in enumerate(lines[start:], start + 1) if line.strip()]
     for line_number, words in rows:
         if len(words) != len(names):
             raise MotionError(f'{path}: line {line_number}: a frame needs {len(names)} values, found {len(words)}'
                               f'{"; the file breaks off here" if line_number == rows[-1][0] else ""}')
-    if len(rows) != count:
+    if len(rows) > count:
+        odd.append(f'{count} frames are announced, {len(rows)} are there and read')
+    elif len(rows) < count:
         raise MotionError(f'{path}: {count} frames are announced, {len(rows)} are there')
     try:
         values = np.array([list(map(number, words)) for _, words in rows])
@@ -59,11 +70,18 @@ def read(path, length_m=None):
                           f'a value is not finite')
     units = usual_units(names)
     scale = np.array([skeleton.length_m if unit == 'm' else np.pi / 180 for unit in units])
-    return Motion(names, values * scale, step * np.arange(count), units, name=path.stem)
+    if odd:
+        more = f' (and {len(odd) - 3} more)' if len(odd) > 3 else ''
+        warnings.warn(f'{path}: {"; ".join(odd[:3])}{more}', stacklevel=3)
+    return Motion(names, values * scale, step * np.arange(len(rows)), units, name=path.stem, orders=skeleton.orders)
 
 
 def read_skeleton(path, length_m=None):
-    """Read the skeleton of a BVH file; End Sites become bodies named ``<joint>_end``."""
+    """Read the skeleton of a BVH file; End Sites become bodies named ``<joint>_end``.
+
+    A position channel replaces its component of the joint's OFFSET, and rotations follow each other as the file names
+    them.
+    """
     return _hierarchy(path, length_m)[0]
 
 
@@ -102,7 +120,7 @@ def write(motion, path, skeleton=None, length_m=None):
     if not all(_plain(body) for body in skeleton.bodies):
         motion, skeleton = _solved_anew(motion, skeleton)
     length_m = DEFAULT_LENGTH_M if length_m is None else float(length_m)
-    names = []
+    names, shifts = [], {}
     lines = ['HIERARCHY']
     children = {index: [] for index in range(-1, len(skeleton.bodies))}
     for index, body in enumerate(skeleton.bodies):
@@ -120,6 +138,8 @@ def write(motion, path, skeleton=None, length_m=None):
         if not end:
             own = [channel for channel in body.channels if channel.name in have]
             names.extend(channel.name for channel in own)
+            shifts.update({channel.name: body.offset @ np.array(channel.axis) - channel.rest
+                           for channel in own if channel.kind == 't'})
             words = ['XYZ'[int(np.argmax(channel.axis))] + {'t': 'position', 'r': 'rotation'}[channel.kind]
                      for channel in own]
             lines.append(f'{pad}  ' + ' '.join(['CHANNELS', str(len(own)), *words]))
@@ -131,7 +151,9 @@ def write(motion, path, skeleton=None, length_m=None):
 
     put(children[-1][0], 0)
     motion = motion.joints(names)
-    values = motion.positions / np.array([length_m if unit == 'm' else np.pi / 180 for unit in motion.units])
+    # a position channel of the file holds the whole offset
+    values = motion.positions + np.array([shifts.get(name, 0.0) for name in names])
+    values = values / np.array([length_m if unit == 'm' else np.pi / 180 for unit in motion.units])
     lines += ['MOTION', f'Frames: {motion.n_frames}', f'Frame Time: {step:.12g}']
     with replacing(path) as stream:
         stream.write('\n'.join(lines) + '\n')
@@ -141,7 +163,7 @@ def write(motion, path, skeleton=None, length_m=None):
 
 
 def _hierarchy(path, length_m):
-    """Skeleton, all lines, and the index of the line MOTION."""
+    """Skeleton, all lines, the index of the line MOTION, and what departs from the format."""
     length_m = DEFAULT_LENGTH_M if length_m is None else float(length_m)
     if not (np.isfinite(length_m) and length_m > 0):
         raise MotionError(f'{path}: the length unit must be a positive number of metres, got {length_m}')
@@ -149,88 +171,158 @@ def _hierarchy(path, length_m):
     start = next((index for index, line in enumerate(lines) if line.strip()), 0)
     if lines[start].strip().upper() != 'HIERARCHY':
         raise MotionError(f'{path}: line {start + 1} should be HIERARCHY; is this a BVH file?')
-    bodies, open_bodies, names, offset_of, pending = [], [], [], set(), None
-    orders = {}
+    tree = _Tree(length_m)
     for at in range(start + 1, len(lines)):
         words = lines[at].replace('{', ' { ').replace('}', ' } ').split()
-        where = f'{path}: line {at + 1}'
-        if words[:1] == ['MOTION']:
+        if words and words[0].upper() == 'MOTION':
+            if words[0] != 'MOTION':
+                tree.odd.append(f'{words[0]} stands for MOTION')
             break
-        position = 0
-        while position < len(words):
-            word = words[position].upper()
-            rest = words[position + 1:]
-            if word in ('ROOT', 'JOINT', 'END'):
-                if pending is not None or bool(open_bodies) == (word == 'ROOT') or (bodies and word == 'ROOT'):
-                    raise MotionError(f'{where}: {words[position]} cannot stand here')
-                name = rest[0] if rest else ''
-                if word == 'END':
-                    name = f'{bodies[open_bodies[-1]]["name"]}_end'
-                if not name or name in '{}' or any(body['name'] == name for body in bodies):
-                    raise MotionError(f'{where}: a joint needs a name of its own, found {name[:40]!r}')
-                pending = {'name': name, 'parent': open_bodies[-1] if open_bodies else -1, 'channels': (),
-                           'offset': np.zeros(3)}
-                position += 2
-            elif word == '{':
-                if pending is None:
-                    raise MotionError(f'{where}: a brace without a joint')
-                open_bodies.append(len(bodies))
-                bodies.append(pending)
-                pending = None
-                position += 1
-            elif word == '}':
-                if not open_bodies or pending is not None:
-                    raise MotionError(f'{where}: a closing brace too many')
-                if open_bodies[-1] not in offset_of:
-                    raise MotionError(f'{where}: {bodies[open_bodies[-1]]["name"]} has no OFFSET')
-                open_bodies.pop()
-                position += 1
-            elif word == 'OFFSET' and open_bodies and pending is None:
-                bodies[open_bodies[-1]]['offset'] = _vector(where, rest[:3]) * length_m
-                offset_of.add(open_bodies[-1])
-                position += 4
-            elif word == 'CHANNELS' and open_bodies and pending is None:
-                body = bodies[open_bodies[-1]]
-                count = int(rest[0]) if rest and re.match(r'[0-9]{1,4}$', rest[0]) else -1
-                own = rest[1:1 + count] if count >= 0 else []
-                known = {channel.lower(): dof for channel, dof in _CHANNELS.items()}
-                if len(own) != count or any(channel.lower() not in known for channel in own) or \
-                        len({channel.lower() for channel in own}) != count or body['channels']:
-                    raise MotionError(f'{where}: CHANNELS needs a count and that many different names like Zrotation')
-                dofs = [known[channel.lower()] for channel in own]
-                body['channels'] = tuple(
-                    Channel(f'{body["name"]}.{dof}', dof[0], tuple(float(letter == dof[1]) for letter in 'xyz'))
-                    for dof in dofs)
-                turns = ''.join(dof[1] for dof in dofs if dof[0] == 'r').upper()
-                if len(turns) == 3:
-                    orders[body['name']] = turns[::-1]  # written from the last turn to the first
-                names.extend(channel.name for channel in body['channels'])
-                position += 2 + count
-            else:
-                raise MotionError(f'{where}: {words[position][:40]!r} cannot stand here')
+        while words:
+            words = words[tree.take(f'{path}: line {at + 1}', words):]
     else:
         raise MotionError(f'{path}: the file breaks off before MOTION')
-    if open_bodies or pending is not None or not bodies:
+    if not tree.closed:
         raise MotionError(f'{path}: line {at + 1}: MOTION begins before the hierarchy is closed')
-    if not names:
+    if not tree.names:
         raise MotionError(f'{path}: no joint has a channel')
-    made = tuple(Body(body['name'], body['parent'], body['offset'], channels=body['channels']) for body in bodies)
-    return Skeleton(path.stem, made, tuple(names), length_m, 'y', orders), lines, at
+    return Skeleton(path.stem, tree.made(), tuple(tree.names), length_m, 'y', tree.orders), lines, at, tree.odd
 
 
-def _motion_head(path, lines, at):
+class _Tree:
+    """The bodies of a hierarchy, as its words come in."""
+
+    def __init__(self, length_m):
+        self.bodies, self.names, self.orders, self.odd = [], [], {}, []
+        self._open, self._pending, self._offset_of, self._length_m = [], None, set(), length_m
+
+    @property
+    def closed(self):
+        return bool(self.bodies) and not self._open and self._pending is None
+
+    def made(self):
+        """The bodies; a position channel is at rest where the offset has it."""
+        return tuple(Body(body['name'], body['parent'], body['offset'], channels=tuple(
+            replace(channel, rest=float(body['offset'] @ np.array(channel.axis))) if channel.kind == 't' else channel
+            for channel in body['channels'])) for body in self.bodies)
+
+    def take(self, where, words):
+        """Take the first words of a line, and say how many."""
+        word = words[0].upper()
+        if word in ('ROOT', 'JOINT', 'END'):
+            return self._begin(where, word, words)
+        if word == '{':
+            if self._pending is None:
+                raise MotionError(f'{where}: a brace without a joint')
+            self._open.append(len(self.bodies))
+            self.bodies.append(self._pending)
+            self._pending = None
+            return 1
+        if word == '}':
+            if not self._open or self._pending is not None:
+                raise MotionError(f'{where}: a closing brace too many')
+            if self._open[-1] not in self._offset_of:
+                raise MotionError(f'{where}: {self.bodies[self._open[-1]]["name"]} has no OFFSET')
+            self._open.pop()
+            return 1
+        if word in ('OFFSET', 'CHANNELS') and self._open and self._pending is None:
+            if word == 'CHANNELS':
+                return self._channels(where, words[1:])
+            self.bodies[self._open[-1]]['offset'] = _vector(where, words[1:4]) * self._length_m
+            self._offset_of.add(self._open[-1])
+            return 4
+        raise MotionError(f'{where}: {words[0][:40]!r} cannot stand here')
+
+    def _begin(self, where, word, words):
+        if self._pending is not None or bool(self._open) == (word == 'ROOT') or (self.bodies and word == 'ROOT'):
+            raise MotionError(f'{where}: {words[0]} cannot stand here')
+        count = next((k for k, other in enumerate(words[1:]) if other in '{}'), len(words) - 1)
+        name = ' '.join(words[1:1 + count])
+        taken = {body['name'] for body in self.bodies}
+        if word == 'END':
+            name = self._end_name(words[1:1 + count], taken)
+        elif ' ' in name:
+            self.odd.append(f'the name {name!r} has spaces')
+        if not name or name in taken:
+            raise MotionError(f'{where}: a joint needs a name of its own, found {name[:40]!r}')
+        self._pending = {'name': name, 'parent': self._open[-1] if self._open else -1, 'channels': (),
+                         'offset': np.zeros(3)}
+        return 1 + count
+
+    def _end_name(self, words, taken):
+        """Its own name where the file gives a free one, else the joint's with ``_end``, numbered from the second on."""
+        parent = self.bodies[self._open[-1]]['name']
+        given = ' '.join(words[1:] if words and words[0].lower() == 'site' else words)
+        if given:
+            self.odd.append(f'the end site of {parent} has the name {given!r}')
+            if given not in taken:
+                return given
+        name, number = f'{parent}_end', 1
+        while name in taken:
+            number += 1
+            name = f'{parent}_end{number}'
+        if number > 1:
+            self.odd.append(f'{parent} has {number} end sites')
+        return name
+
+    def _channels(self, where, rest):
+        body = self.bodies[self._open[-1]]
+        count = int(rest[0]) if rest and re.match(r'[0-9]{1,4}$', rest[0]) else -1
+        own = [word.lower() for word in rest[1:1 + count]] if count >= 0 else []
+        known = {channel.lower(): dof for channel, dof in _CHANNELS.items()}
+        if len(own) != count or set(own) - set(known) or len(set(own)) != count or body['channels']:
+            raise MotionError(f'{where}: CHANNELS needs a count and that many different names like Zrotation')
+        dofs = [known[channel] for channel in own]
+        self.names.extend(f'{body["name"]}.{dof}' for dof in dofs)
+        # the position takes the place of OFFSET, so it counts in the parent's frame wherever it stands
+        body['channels'] = tuple(
+            Channel(f'{body["name"]}.{dof}', dof[0], tuple(float(letter == dof[1]) for letter in 'xyz'))
+            for dof in sorted(dofs, key=lambda dof: dof[0] == 'r'))
+        turns = ''.join(dof[1] for dof in dofs if dof[0] == 'r').upper()
+        if len(turns) == 3:
+            self.orders[body['name']] = turns[::-1]  # written from the last turn to the first
+        return 2 + count
+
+
+_FRAMES = re.compile(r'frames\s*:?\s*(\S+)$', re.IGNORECASE)
+_FRAME_TIME = re.compile(r'frame\s*time\s*:?\s*(\S+)$', re.IGNORECASE)
+
+
+def _motion_head(path, lines, at, odd, rate_hz):
     """Number of frames and time step from the two lines after MOTION, and the index of the line after them."""
-    head = [(index, line.split(':')) for index, line in enumerate(lines[at + 1:at + 20], at + 1) if line.strip()][:2]
-    words = [(parts[0].strip().lower(), parts[1].strip()) for _, parts in head if len(parts) == 2]
+    head = [(index, line.strip()) for index, line in enumerate(lines[at + 1:at + 20], at + 1) if line.strip()][:2]
+    found = [pattern.match(line) for pattern, (_, line) in zip((_FRAMES, _FRAME_TIME), head)]
     try:
-        (frames, count), (frame_time, step) = words
-        count, step = int(number(count)), number(step)
-    except ValueError:
-        frames, frame_time, count, step = '', '', 0, 0.0
-    if frames != 'frames' or frame_time != 'frame time' or count < 1 or not (np.isfinite(step) and step > 0):
+        count, step = (number(one.group(1)) for one in found)
+        count = int(count)
+    except (ValueError, AttributeError, OverflowError):
+        count, step = 0, 0.0
+    if count < 1 or not (np.isfinite(step) and step > 0):
         raise MotionError(f'{path}: line {at + 2}: after MOTION must stand "Frames: N" and "Frame Time: S", both '
                           f'positive')
+    odd.extend(f'{line!r} has no colon' for _, line in head if ':' not in line)
+    if step >= _LEAST_ODD_STEP_S:
+        step = _mended_step(step, odd, rate_hz)
     return count, step, head[1][0] + 1
+
+
+#: no recording of motion has a frame a second; such a "Frame Time" is a rate in Hz or a time in ms
+_LEAST_ODD_STEP_S = 1.0
+_USUAL_RATES = (24, 25, 29.97, 30, 48, 50, 59.94, 60, 72, 75, 90, 100, 120, 125, 144, 150, 180, 200, 240, 250, 300, 400,
+                480, 500, 600, 1000)
+
+
+def _mended_step(step, odd, rate_hz):
+    if rate_hz is not None:
+        odd.append(f'the frame time {step:g} s cannot be: {rate_hz:g} Hz were asked for instead')
+        return 1.0 / rate_hz
+    for unit, rate in (('Hz', step), ('ms', 1e3 / step)):
+        if any(abs(rate - usual) < 0.005 * usual for usual in _USUAL_RATES):
+            odd.append(f'the frame time {step:g} is taken as {step:g} {unit}, as no recording has a frame in '
+                       f'{step:g} s (--recorded-rate says otherwise)')
+            return 1.0 / rate
+    odd.append(f'the frame time of {step:g} s can hardly be right (--recorded-rate gives the rate)')
+    return step
 
 
 def _vector(where, words):
@@ -289,7 +381,7 @@ def _solved_anew(motion, skeleton):
     plain = Skeleton(skeleton.name, tuple(bodies), tuple(columns), skeleton.length_m, 'y',
                      {body.name: 'XYZ' for body in bodies})
     return motion.replace(joint_names=tuple(columns), positions=np.column_stack(list(columns.values())),
-                          units=tuple(units)), plain
+                          units=tuple(units), orders=plain.orders), plain
 
 
 def _zyx(matrices):

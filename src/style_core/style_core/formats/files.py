@@ -17,7 +17,7 @@ __all__ = ['read_text', 'read_table', 'number', 'constant_step_s', 'replacing']
 
 
 def read_text(path):
-    """Text of a file, with line ends of any kind; MotionError for one that is absent, binary or empty."""
+    """Text of a file (UTF-8, UTF-16), with line ends of any kind; MotionError for one absent, binary or empty."""
     path = Path(path)
     try:
         data = read_regular(path, RECORDING_BYTES)
@@ -25,12 +25,30 @@ def read_text(path):
         raise MotionError(f'{path} does not exist') from None
     except (IsADirectoryError, PermissionError, ValueError) as error:
         raise MotionError(f'{path} cannot be read: {getattr(error, "strerror", None) or error}') from None
+    wide = _wide(data)
+    if wide:
+        with contextlib.suppress(UnicodeDecodeError):
+            text = data.decode(wide).lstrip('\ufeff')
+            if '\0' not in text and text.strip():
+                return text
     if b'\0' in data:
         raise MotionError(f'{path} is a binary file, not text')
     if not data.strip():
         raise MotionError(f'{path} is empty')
     # comments may be in any old encoding; names and numbers are ASCII
     return data.decode('utf-8-sig', errors='replace')
+
+
+def _wide(data):
+    """The encoding of text in 16 bits a character (UTF-16), or None."""
+    if data[:2] in (b'\xff\xfe', b'\xfe\xff'):
+        return 'utf-16'
+    some = data[:1000]
+    if len(some) >= 8 and len(data) % 2 == 0:  # without a mark: nearly all characters are ASCII
+        for encoding, zeros in (('utf-16-le', some[1::2]), ('utf-16-be', some[::2])):
+            if zeros.count(0) > 0.9 * len(zeros):
+                return encoding
+    return None
 
 
 def read_table(path, columns):

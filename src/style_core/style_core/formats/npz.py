@@ -11,7 +11,7 @@ __all__ = ['read', 'write']
 READ_OPTIONS = ()
 WRITE_OPTIONS = ()
 
-_FIELDS = ('joint_names', 'positions', 'times', 'units', 'name', 'epoch_ns')
+_FIELDS = ('joint_names', 'positions', 'times', 'units', 'name', 'epoch_ns', 'orders')
 
 
 def read(path):
@@ -27,22 +27,27 @@ def read(path):
     absent = [key for key in _FIELDS[:3] if key not in fields]
     if absent:
         raise MotionError(f'{path} is no motion: it lacks {", ".join(absent)}')
-    for key, kinds in zip(_FIELDS, ('U', 'fiu', 'fiu', 'U', 'U', 'iu')):
+    for key, kinds in zip(_FIELDS, ('U', 'fiu', 'fiu', 'U', 'U', 'iu', 'U')):
         if key in fields and fields[key].dtype.kind not in kinds:
             raise MotionError(f'{path}: {key} has the wrong type {fields[key].dtype}')
     if fields['joint_names'].ndim != 1 or np.ndim(fields.get('units', [])) != 1:
         raise MotionError(f'{path}: joint_names and units must be lists')
+    orders = fields.get('orders', np.empty((0, 2), dtype='U1'))
+    if orders.ndim != 2 or orders.shape[1] != 2:
+        raise MotionError(f'{path}: orders must be pairs of a joint and its order of rotation')
     for key in ('name', 'epoch_ns'):
         if np.size(fields.get(key, 0)) != 1:
             raise MotionError(f'{path}: {key} must be a single value')
     return Motion(fields['joint_names'].tolist(), fields['positions'], fields['times'],
                   fields['units'].tolist() if 'units' in fields else None,
-                  str(np.ravel(fields.get('name', path.stem))[0]), int(np.ravel(fields.get('epoch_ns', 0))[0]))
+                  str(np.ravel(fields.get('name', path.stem))[0]), int(np.ravel(fields.get('epoch_ns', 0))[0]),
+                  dict(orders.tolist()))
 
 
 def write(motion, path):
     """Write a motion."""
+    orders = np.array(sorted(motion.orders.items()), dtype=str).reshape(-1, 2)
     with replacing(path, 'wb') as stream:
         np.savez_compressed(stream, joint_names=np.array(motion.joint_names), positions=motion.positions,
                             times=motion.times, units=np.array(motion.units), name=np.array(motion.name),
-                            epoch_ns=np.array(motion.epoch_ns, dtype=np.int64))
+                            epoch_ns=np.array(motion.epoch_ns, dtype=np.int64), orders=orders)

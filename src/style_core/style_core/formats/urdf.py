@@ -1,4 +1,5 @@
 """Robot descriptions (``.urdf``): the kinematic tree only."""
+import warnings
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -10,13 +11,15 @@ from style_core.skeleton import Body, Channel, Skeleton, euler_matrix
 __all__ = ['read_skeleton']
 
 _MOVING = {'revolute': 'r', 'continuous': 'r', 'prismatic': 't'}
+_FREE = ('floating', 'planar')
 
 
 def read_skeleton(path):
     """Read a URDF file; see `style_core.skeleton.read_skeleton`.
 
-    Channels have the joints' names; a mimic joint follows the channel of the joint it mimics. Bodies are links and
-    sit at the joint that carries them.
+    Channels have the joints' names; a mimic joint follows the channel of the joint it mimics, also over other mimic
+    joints. Bodies are links and sit at the joint that carries them. What floats or slides freely (``floating``,
+    ``planar``) is no joint with a position: it stays at its origin, and a UserWarning says so.
     """
     try:
         # bytes as text: an encoding named in the file has been taken care of
@@ -62,11 +65,13 @@ def _body(path, joints, name, link, parent):
     origin = joint.find('origin')
     offset = _vector(path, name, origin, 'xyz', (0, 0, 0))
     before = euler_matrix(_vector(path, name, origin, 'rpy', (0, 0, 0)), 'XYZ')
-    if kind == 'fixed':
+    if kind in _FREE:
+        warnings.warn(f'{path}: joint {name} is {kind}: link {link} is taken as fixed at its origin', stacklevel=4)
+    if kind == 'fixed' or kind in _FREE:
         return Body(link, parent, offset, before)
     if kind not in _MOVING:
-        raise MotionError(f'{path}: joint {name} is of type {kind!r}; only revolute, continuous, prismatic and fixed '
-                          f'joints are known')
+        raise MotionError(f'{path}: joint {name} is of type {kind!r}; only revolute, continuous, prismatic, fixed, '
+                          f'floating and planar joints are known')
     axis = _vector(path, name, joint.find('axis'), 'xyz', (1, 0, 0))
     norm = np.linalg.norm(axis)
     if norm == 0:
@@ -75,18 +80,27 @@ def _body(path, joints, name, link, parent):
     low, high = -np.inf, np.inf
     if limit is not None and kind != 'continuous':
         low, high = (_number(path, name, limit.get(key, '0')) for key in ('lower', 'upper'))
-    source, scale, bias = name, 1.0, 0.0
-    mimic = joint.find('mimic')
-    if mimic is not None:
-        source = _attribute(path, mimic, 'joint')
-        if source not in joints or joints[source].find('mimic') is not None or \
-                joints[source].get('type') not in _MOVING:
-            raise MotionError(f'{path}: joint {name} mimics {source!r}, which is no joint that moves by itself')
-        scale = _number(path, name, mimic.get('multiplier', '1'))
-        bias = _number(path, name, mimic.get('offset', '0'))
+    source, scale, bias = _followed(path, joints, name)
+    if source != name:
         low, high = -np.inf, np.inf  # the joint that is mimicked has the limits
     channel = Channel(source, _MOVING[kind], tuple(axis / norm), low, high, scale, bias)
     return Body(link, parent, offset, before, (channel,))
+
+
+def _followed(path, joints, name):
+    """The joint that moves a joint, and scale and offset of ``value = scale * its value + offset``."""
+    source, scale, bias, passed = name, 1.0, 0.0, [name]
+    while joints[source].find('mimic') is not None:
+        mimic = joints[source].find('mimic')
+        bias += scale * _number(path, source, mimic.get('offset', '0'))
+        scale *= _number(path, source, mimic.get('multiplier', '1'))
+        source = _attribute(path, mimic, 'joint')
+        if source in passed:
+            raise MotionError(f'{path}: joint {name} mimics itself: {" -> ".join([*passed, source])}')
+        if source not in joints or joints[source].get('type') not in _MOVING:
+            raise MotionError(f'{path}: joint {passed[-1]} mimics {source!r}, which is no joint that moves by itself')
+        passed.append(source)
+    return source, scale, bias
 
 
 def _child(path, element, tag):

@@ -1,12 +1,13 @@
 """What a cycle can repeat: joint angles as they are, the root's travel as velocities in the walker's own frame."""
 from dataclasses import dataclass
-from typing import Tuple
+from typing import Optional, Tuple
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from style_core.angles import continuous_triples
+from style_core.angles import continuous_triples, reordered
 from style_core.errors import MotionError
+from style_core.joint_space import JointSpace, fit_space
 from style_core.motion import Motion
 
 __all__ = ['FeatureMap', 'feature_map']
@@ -22,11 +23,12 @@ class FeatureMap:
     A walker's place and heading do not repeat from cycle to cycle; speed does. Where all six root channels are there
     (y up, rotations about fixed axes x, y, z, as Acclaim files have them), ``root.tx``, ``root.tz`` and ``root.ry``
     become sideways speed, forward speed (m/s) and turning rate (rad/s), and ``root.rx``, ``root.rz`` the tilt seen
-    from the heading. Every other channel is its own feature.
+    from the heading. Every other channel is a feature as its `JointSpace` has it (as it is in files from before).
     """
 
     joint_names: Tuple[str, ...]
     units: Tuple[str, ...]
+    space: Optional[JointSpace] = None
 
     @property
     def travels(self):
@@ -57,6 +59,9 @@ class FeatureMap:
         if motion.units != self.units:
             wrong = [name for name, a, b in zip(self.joint_names, motion.units, self.units) if a != b]
             raise MotionError(f'motion {motion.name!r}: the unit of {", ".join(wrong[:5])} differs from the model\'s')
+        if self.space is not None:
+            motion = self.space.encode_motion(motion)
+        motion = reordered(motion, {**motion.orders, 'root': 'XYZ'})
         features = motion.positions.copy()
         if not self.travels:
             return features
@@ -99,11 +104,12 @@ class FeatureMap:
             z = place[1] + cumulative_trapezoid(c * root[:, _TZ] - s * root[:, _TX], times, initial=0.0)
             rx, ry, rz = _join(root[:, _RX], turned, root[:, _RZ])
             positions[:, columns] = np.stack([x, root[:, _TY], z, rx, ry, rz], axis=1)
-        return Motion(self.joint_names, positions, times, self.units, name)
+        motion = Motion(self.joint_names, positions, times, self.units, name)
+        return motion if self.space is None else self.space.decode_motion(motion)
 
 
-def feature_map(motion):
-    """Feature map of a motion's channels.
+def feature_map(motion, others=()):
+    """Feature map of a motion's channels; its joint space is that of this motion and the ``others``.
 
     Raises
     ------
@@ -114,7 +120,8 @@ def feature_map(motion):
     if present and len(present) < 6:
         raise MotionError(f'motion {motion.name!r} has {", ".join(present)} but not all of {", ".join(_ROOT)}; '
                           "leave the root out ('!root.*') or give all six channels")
-    return FeatureMap(motion.joint_names, motion.units)
+    space = fit_space([motion, *others], leave=('root',) if present else ())
+    return FeatureMap(motion.joint_names, motion.units, space)
 
 
 def _split(rx, ry, rz):

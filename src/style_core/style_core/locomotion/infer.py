@@ -335,8 +335,15 @@ def fill(model, motion):
     mean, variance = expected_frames(model, x, smooth(model, x))
     at_frames = [np.stack([np.interp(motion.times, times, column) for column in table.T], axis=1)
                  for table in (mean, variance)]
-    filled = np.where(hidden, at_frames[0], motion.positions)
-    return replace(motion, positions=filled), np.where(hidden, np.sqrt(at_frames[1]), 0.0)
+    std = np.sqrt(at_frames[1])
+    space = model.features.space
+    if space is None:
+        filled = np.where(hidden, at_frames[0], motion.positions)
+    else:
+        shown = space.encode_motion(motion).positions
+        filled, std = space.fill_in(motion.positions, np.where(np.isnan(shown), at_frames[0], shown),
+                                    np.where(np.isnan(shown), std, 0.0))
+    return replace(motion, positions=filled), np.where(hidden, std, 0.0)
 
 
 def _smoothed(frames):

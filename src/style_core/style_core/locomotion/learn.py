@@ -241,16 +241,16 @@ def _departures(model, recordings):
 
 def features_of(motions, rate_hz=None):
     """Feature map, features of every recording at one rate, and that rate."""
-    features = feature_map(motions[0])
     for motion in motions:
         if motion.n_frames < 2:
             raise MotionError(f'motion {motion.name!r} has a single frame')
         if not np.isfinite(motion.positions).any():
             raise MotionError(f'motion {motion.name!r} holds no value')
-        differing = set(motion.joint_names) ^ set(features.joint_names)
+        differing = set(motion.joint_names) ^ set(motions[0].joint_names)
         if differing:
             raise MotionError(f'motion {motion.name!r} and {motions[0].name!r} differ in joints '
                               f'{", ".join(sorted(differing)[:5])}')
+    features = feature_map(motions[0], motions[1:])
     if rate_hz is None:
         rate_hz = min(motion.rate_hz for motion in motions)
     return features, [features.encode(motion.resample(rate_hz)) for motion in motions], rate_hz

@@ -6,6 +6,7 @@ from typing import Tuple
 import numpy as np
 
 from style_core.errors import ModelError
+from style_core.joint_space import read_space
 from style_core.locomotion.features import FeatureMap
 from style_core.locomotion.personal import Personal
 from style_core.model_file import load_model, save_model
@@ -150,6 +151,9 @@ def save(model, path, **header):
                   recordings=list(model.recordings))
     arrays = {name: getattr(model, name) for name in _ARRAYS}
     arrays.update((f'personal_{name}', value) for name, value in vars(model.personal).items())
+    if model.features.space is not None:
+        for part, entries in zip((header, arrays), model.features.space.entries()):
+            part.update(entries)
     save_model(path, KIND, header, arrays)
 
 
@@ -168,7 +172,8 @@ def from_arrays(header, arrays):
     """
     check_model(KIND, header, arrays)
     return without_empty_styles(LocomotionModel(
-        FeatureMap(tuple(header['joint_names']), tuple(header['units'])), float(header['rate_hz']),
+        FeatureMap(tuple(header['joint_names']), tuple(header['units']), read_space(header, arrays)),
+        float(header['rate_hz']),
         smoothing=float(header['smoothing']), coupling=float(header['coupling']),
         personal=Personal(*(np.asarray(arrays[f'personal_{name}'], dtype=float) for name in _PERSONAL)),
         style_names=tuple(header['style_names']), recordings=tuple(header['recordings']),

@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 
 from style_core.errors import ModelError
+from style_core.joint_space.online import InJointSpace, border_of
 from style_core.locomotion.infer import fillable
 from style_core.locomotion.personal import Personal, departure
 from style_core.locomotion.synthesis import prototypes
@@ -30,7 +31,7 @@ _CONCENTRATION, _WARM_UP_S = 0.9, 0.2
 _PERSONAL_EVERY_S = 0.1
 
 
-class LocomotionPredictor:
+class LocomotionPredictor(InJointSpace):
     """Follow phase, speed and style of a walker frame by frame.
 
     The latent cycles, over M even steps of phase, make a grid of style, speed and phase. Each update moves the grid's
@@ -67,6 +68,8 @@ class LocomotionPredictor:
         columns = np.array([repeating[name] for name in joint_names])
         self.joint_names = tuple(model.joint_names[i] for i in columns)
         self.style_names = model.style_names
+        self._border = border_of(model.features.space, self.joint_names)
+        self.orders = None if model.features.space is None else model.features.space.orders
         n_positions = model.n_positions
         self._grid = 2 * np.pi * np.arange(n_positions) / n_positions
         shapes = prototypes(model)
@@ -84,8 +87,7 @@ class LocomotionPredictor:
         self._doubts = Doubt(len(columns))
         self.reset()
 
-    def reset(self):
-        """Forget everything observed; the next update starts a search."""
+    def _reset(self):
         self._gate.reset()
         self._forget()
 
@@ -110,8 +112,7 @@ class LocomotionPredictor:
         self._rest = np.zeros(n_joints)
         self._rest_variance = self._personal.noise.copy()
 
-    def update(self, time, y, mask=None):
-        """Take one observation (see `style_core.predictor.OnlinePredictor`)."""
+    def _update(self, time, y, mask):
         first = self._gate.time is None
         elapsed = self._gate.take(time, y, mask)
         y, seen = self._gate.y, self._gate.flags()
@@ -156,8 +157,7 @@ class LocomotionPredictor:
             self._rest_variance = np.where(doubt.moved, self._rest_variance + gap**2, self._rest_variance)
         return believed
 
-    def predict(self, horizons):
-        """Predict ``horizons`` (H,) s after the last update (see `style_core.predictor.OnlinePredictor`)."""
+    def _predict(self, horizons):
         horizons = np.asarray(horizons, dtype=float)
         if horizons.ndim != 1 or not np.isfinite(horizons).all() or (horizons < 0).any():
             raise ValueError('horizons must be a one-dimensional array of finite times >= 0')

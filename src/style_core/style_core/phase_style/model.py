@@ -141,7 +141,7 @@ class Correction:
     fade_s: float
 
 
-def save_behaviours(path, behaviours, training=(), correction=None):
+def save_behaviours(path, behaviours, training=(), correction=None, space=None):
     """Write a model file of kind ``'phase-style'``.
 
     Parameters
@@ -153,6 +153,8 @@ def save_behaviours(path, behaviours, training=(), correction=None):
         Recordings, for the header.
     correction : Correction, optional
         Recorded motion to carry along.
+    space : JointSpace, optional
+        In which the behaviours were learned; joint angles where left out.
     """
     behaviours = list(behaviours)
     _check_family(behaviours)
@@ -180,6 +182,9 @@ def save_behaviours(path, behaviours, training=(), correction=None):
                                'fade_s': correction.fade_s}
         for part, names in ((correction.histories, _RECORDED), (correction, _LEARNED)):
             arrays.update({f'histories.{name}': getattr(part, name) for name in names})
+    if space is not None:
+        for part, entries in zip((header, arrays), space.entries()):
+            part.update(entries)
     model_file.save_model(path, KIND, header, arrays)
 
 

@@ -90,7 +90,7 @@ def to_sequence(motion, joint_names, rate_hz=RATE_HZ, group=None):
 
 
 def train(motions, name='motion', rhythmic=True, joints=None, dimension=None, rate_hz=RATE_HZ,
-          residual=True, progress=False, phase_of=None):
+          residual=True, progress=False, phase_of=None, groups=None):
     """Learn one behaviour from recordings.
 
     Parameters
@@ -110,13 +110,16 @@ def train(motions, name='motion', rhythmic=True, joints=None, dimension=None, ra
     phase_of : callable, optional
         ``motion -> times (T,), phases (T,)``: phases that another model found, common to all recordings (rhythmic
         only).
+    groups : sequence of str, optional
+        Person of each motion; `group_of` its name when absent.
 
     Returns
     -------
     Behaviour
     """
     joints = common_joints(motions) if joints is None else list(joints)
-    sequences = [to_sequence(motion, joints, rate_hz) for motion in motions]
+    groups = [None] * len(motions) if groups is None else groups
+    sequences = [to_sequence(motion, joints, rate_hz, group) for motion, group in zip(motions, groups)]
     phases = None
     if phase_of is not None:
         phases = [np.interp(motion.times[0] + np.arange(len(sequence.y)) / rate_hz, *phase_of(motion))

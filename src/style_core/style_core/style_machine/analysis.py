@@ -56,7 +56,7 @@ class Analysis:
 
 
 def joint_gaussians(machine, emission):
-    """Means (N, D) and covariances (N, D, D) of joint positions in every state, rad."""
+    """Means (N, D) and covariances (N, D, D) of joint coordinates in every state, rad."""
     c = machine.coordinates
     to_joints = c.basis.T / c.weights
     covs = to_joints.T @ emission.position_covariances() @ to_joints
@@ -101,7 +101,7 @@ def analyze(machine, motion):
         If nothing of the model is observed.
     """
     c = machine.coordinates
-    motion = c.fit(motion, absent='nan')
+    motion = machine.encoded(c.fit(motion, absent='nan'))
     positions = motion.positions
     holes = np.isnan(positions)
     if holes.all():

@@ -1,11 +1,12 @@
 """The style machine: a stylistic hidden Markov model and its style space, learned from recordings; files."""
 import json
 from dataclasses import asdict, dataclass, replace
-from typing import Tuple
+from typing import Optional, Tuple
 
 import numpy as np
 
 from style_core.errors import ModelError, UsageError
+from style_core.joint_space import JointSpace, fit_space, read_space
 from style_core.model_file import load_model, save_model
 from style_core.style_expression import evaluate_style
 from style_core.style_machine import emission as em
@@ -25,7 +26,7 @@ class StyleMachine:
     Attributes
     ----------
     coordinates : Coordinates
-        Joint angles to model coordinates and back.
+        Coordinates of `space` (joint angles where there is none) to those of the model and back.
     start, trans : ndarray, shapes (N,), (N, N)
         Common to all styles.
     generic : Emission
@@ -50,6 +51,8 @@ class StyleMachine:
     settings : Settings
     training_files : tuple of dict
     history : tuple of dict
+    space : JointSpace or None
+        What joints are learned in; None in files from before: the angles themselves.
     """
 
     coordinates: Coordinates
@@ -68,6 +71,7 @@ class StyleMachine:
     settings: Settings
     training_files: Tuple[dict, ...] = ()
     history: Tuple[dict, ...] = ()
+    space: Optional[JointSpace] = None
 
     @property
     def joint_names(self):
@@ -91,6 +95,19 @@ class StyleMachine:
         """Number of free parameters of the generic training model: transitions, starts, means and covariances."""
         n, q = self.n_states, self.coordinates.leading
         return int((self.trans > 0).sum()) - n + int((self.start > 0).sum()) - 1 + n * (q + q * (q + 1) // 2)
+
+    @property
+    def orders(self):
+        """Order in which each joint with three angles turns; None where the file does not say."""
+        return None if self.space is None else self.space.orders
+
+    def encoded(self, motion):
+        """A motion of joint angles in the machine's joint space."""
+        return motion if self.space is None else self.space.encode_motion(motion)
+
+    def decoded(self, motion):
+        """A motion of the machine's joint space in joint angles."""
+        return motion if self.space is None else self.space.decode_motion(motion)
 
     def style(self, expression):
         """Coordinates of a style: a name, an expression such as ``1.5*ballet - 0.5*languid``, or coordinates."""
@@ -151,10 +168,12 @@ def learn(motions, settings=None, style_names=None, skeleton=None, rate_hz=60.0,
     motions, style_names = [motion for motion, _ in both], [name for _, name in both]
     names = list(dict.fromkeys(style_names))
     index = [names.index(name) for name in style_names]
-    weights = pose_weights(motions, skeleton, settings.seed) if skeleton is not None else None
-    coordinates = fit_coordinates(motions, rate_hz, weights, leading)
-    poses = [coordinates.encode(mean_pose(motion)) for motion in motions]
-    data = [coordinates.encode(motion.positions) - pose for motion, pose in zip(motions, poses)]
+    space = fit_space(motions)
+    posed = [space.encode_motion(motion) for motion in motions]
+    weights = pose_weights(posed, skeleton, settings.seed, space) if skeleton is not None else None
+    coordinates = fit_coordinates(posed, rate_hz, weights, leading)
+    poses = [coordinates.encode(mean_pose(motion)) for motion in posed]
+    data = [coordinates.encode(motion.positions) - pose for motion, pose in zip(posed, poses)]
     trained = train([x[:, :coordinates.leading] for x in data], settings, index, checkpoint, progress)
     generic, specifics, strength = remap(trained, data, poses, index, coordinates, settings)
     layout = em.layout_for([generic, *specifics])
@@ -164,7 +183,7 @@ def learn(motions, settings=None, style_names=None, skeleton=None, rate_hz=60.0,
         dict(zip(names, styles)), {motion.name: path.astype(np.int32) for motion, path in zip(motions, trained.paths)},
         {motion.name: name for motion, name in zip(motions, style_names)}, {}, strength,
         _persistence(coordinates, generic, data, trained.paths), settings, tuple(training_files),
-        tuple(trained.history))
+        tuple(trained.history), space)
     from style_core.style_machine.analysis import analyze  # which needs this module
     return replace(machine, likelihoods={motion.name: analyze(machine, motion).log_likelihood for motion in motions})
 
@@ -276,6 +295,9 @@ def save(machine, path):
               'persistence': machine.persistence}
     arrays.update({f'generic_{name}': getattr(g, name) for name in em.Emission.__dataclass_fields__})
     arrays.update({f'path_{k}': path for k, path in enumerate(machine.recordings.values())})
+    if machine.space is not None:
+        for part, entries in zip((header, arrays), machine.space.entries()):
+            part.update(entries)
     save_model(path, KIND, json.loads(json.dumps(header)), arrays)
 
 
@@ -303,7 +325,7 @@ def from_arrays(header, arrays):
             arrays['axes'].astype(float), arrays['spectrum'], dict(zip(header['style_names'], arrays['styles'])),
             {name: arrays[f'path_{k}'] for k, name in enumerate(header['recordings'])}, header['recording_styles'],
             header['likelihoods'], header['strength'], arrays['persistence'], Settings(**header['settings']),
-            tuple(header['training_files']), tuple(header['history']))
+            tuple(header['training_files']), tuple(header['history']), read_space(header, arrays))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ModelError(f'the style machine lacks or does not know {error}: train it again') from None
     if machine.axes.shape[1] != len(machine.layout.pack(generic)):

@@ -1,6 +1,7 @@
 """The style machine as an on-line predictor: filtering over states and styles from whatever joints are observed."""
 import numpy as np
 
+from style_core.joint_space.online import InJointSpace, border_of
 from style_core.outliers import FAREWELL_S, Doubt
 from style_core.phase_style.gate import ObservationGate
 from style_core.predictor import Estimate, Prediction, Status
@@ -19,7 +20,7 @@ _FAR = 3.0                   # standard deviations of a joint that count at most
 _SAYS_AT_MOST = 10.0         # nats by which one observation can speak against a style
 
 
-class StyleMachinePredictor:
+class StyleMachinePredictor(InJointSpace):
     """Filter the hidden states of every training style (and the generic model) and predict by their transitions.
 
     Beside the state a slow offset of each joint (posture the styles do not know) and the residual of the last
@@ -46,10 +47,11 @@ class StyleMachinePredictor:
         self._patterns = {}
         self._gate = ObservationGate(len(self.joint_names))
         self._doubts = Doubt(len(self.joint_names))
+        self._border = border_of(machine.space, machine.joint_names)
+        self.orders = machine.orders
         self.reset()
 
-    def reset(self):
-        """Forget everything observed."""
+    def _reset(self):
         self._gate.reset()
         self._forget()
 
@@ -77,8 +79,7 @@ class StyleMachinePredictor:
             self._patterns[key] = (white.reshape(-1, int(seen.sum())), offset, constant)
         return self._patterns[key]
 
-    def update(self, time, y, mask=None):
-        """Take one observation; see `predictor.OnlinePredictor`."""
+    def _update(self, time, y, mask):
         first = self._gate.time is None
         elapsed = self._gate.take(time, y, mask)
         y, seen = self._gate.y, self._gate.flags()
@@ -174,8 +175,7 @@ class StyleMachinePredictor:
         rest = min(frames, 1000) - whole
         return (1 - rest) * belief + rest * (belief @ self.machine.trans) if rest > 1e-9 else belief
 
-    def predict(self, horizons):
-        """Mean, standard deviation and velocity ahead; see `predictor.OnlinePredictor`."""
+    def _predict(self, horizons):
         horizons = np.asarray(horizons, dtype=float)
         if horizons.ndim != 1 or not (np.isfinite(horizons).all() and (horizons >= 0).all()):
             raise ValueError('horizons must be a one-dimensional array of finite times >= 0')

@@ -42,11 +42,11 @@ class Coordinates:
     variances: np.ndarray
 
     def encode(self, positions):
-        """Rad (..., D) to coordinates (..., D)."""
+        """Joint coordinates, rad (..., D), to model coordinates (..., D)."""
         return ((positions - self.reference) * self.weights) @ self.basis
 
     def decode(self, coordinates):
-        """Coordinates (..., D) to rad (..., D)."""
+        """Model coordinates (..., D) to joint coordinates, rad (..., D)."""
         return coordinates @ (self.basis.T / self.weights) + self.reference
 
     def decode_rate(self, rates):
@@ -84,7 +84,7 @@ class Coordinates:
         return motion
 
 
-def pose_weights(motions, skeleton, seed=0):
+def pose_weights(motions, skeleton, seed=0, space=None):
     """How far the body moves when each joint turns, measured in the data.
 
     The root mean square, over frames, of the root of the summed squared displacements of all bodies per unit of
@@ -97,6 +97,8 @@ def pose_weights(motions, skeleton, seed=0):
         ``forward(motion)`` gives (T, B, 3) m.
     seed : int
         Chooses the frames.
+    space : JointSpace, optional
+        In which the motions are; joint angles where left out.
 
     Returns
     -------
@@ -116,7 +118,8 @@ def pose_weights(motions, skeleton, seed=0):
         for sign in (1, -1):
             moved = poses.copy()
             moved[:, column] += sign * step
-            ends.append(skeleton.forward(motions[0].replace(positions=moved, times=times)))
+            moved = motions[0].replace(positions=moved, times=times)
+            ends.append(skeleton.forward(moved if space is None else space.decode_motion(moved)))
         displacement = (ends[0] - ends[1]) / (2 * step)
         weights[column] = np.sqrt((displacement ** 2).sum(axis=(1, 2)).mean())
     if not weights.max() > 0:

@@ -87,7 +87,7 @@ class StreamingSynthesizer:
         self._pushed, self._yielded = 0, 0
         self._labels = deque()
         self._visit, self._left, self._carry = None, 0, 0.0
-        self._last_output = None
+        self._last_output = self._near = None
 
     @property
     def v(self):
@@ -195,6 +195,9 @@ class StreamingSynthesizer:
         else:
             change = here - self._last_output if self._last_output is not None else np.zeros_like(here)
         velocities = change @ self._to_joints * c.rate_hz
+        if self.machine.space is not None:
+            positions, velocities = self.machine.space.decode(positions, self._near, velocity=velocities)
+            self._near = positions
         self._last_output = here.copy()
         label, v = self._labels.popleft()
         frame = Frame(self._yielded / c.rate_hz, positions, velocities, label, v)

@@ -39,8 +39,8 @@ def synthesize(machine, content, style='generic', dwell=None, name=''):
     if dwell is not None:
         content = scale_dwell(content, dwell, emission.dwell)
     positions = machine.coordinates.decode(trajectory(information(emission), content))
-    return Motion(machine.joint_names, positions, np.arange(len(content)) / machine.rate_hz, machine.coordinates.units,
-                  name or 'synthesised')
+    return machine.decoded(Motion(machine.joint_names, positions, np.arange(len(content)) / machine.rate_hz,
+                                  machine.coordinates.units, name or 'synthesised'))
 
 
 def synthesize_visits(machine, visits, style='generic', name=''):

@@ -6,10 +6,10 @@ from typing import Mapping, Optional, Tuple
 import numpy as np
 
 from style_core import phase_style, style_machine
-from style_core.angles import continuous
 from style_core.errors import ModelError, UsageError
-from style_core.formats import read_motion
+from style_core.joint_space import space_of
 from style_core.model_file import read_header
+from style_core.recordings import read_recording
 from style_core.skeleton import read_skeleton
 from style_core.synthesis.sources.phase_style import CycleSource, FollowSource
 from style_core.synthesis.sources.recording import MotionFileSource
@@ -67,6 +67,8 @@ class Repertoire:
     machine : StyleMachine or None
     recording : Motion or None
     library : EffortLibrary or None
+    space : JointSpace or None
+        In which behaviours were learned.
     """
 
     name: str
@@ -76,6 +78,7 @@ class Repertoire:
     machine: Optional[object] = None
     recording: Optional[object] = None
     library: Optional[object] = None
+    space: Optional[object] = None
 
     @property
     def modes(self):
@@ -122,7 +125,7 @@ class Repertoire:
             return MotionFileSource(self.recording, loop, speed)
         if mode == 'effort':
             from style_core.synthesis.sources.effort import RestyledSource
-            return RestyledSource(self.library, continuous(self.recording), loop, speed)
+            return RestyledSource(self.library, self.recording, loop, speed)
         if mode == 'random_walk':
             return MachineSource(self.machine, visits=style_machine.random_walk(self.machine, seed=seed), speed=speed,
                                  lag=lag)
@@ -130,9 +133,10 @@ class Repertoire:
             return MachineSource(self.machine, frames=(score or Score()).frames(self.machine), speed=speed, lag=lag)
         chosen = self._behaviour(behaviour, rhythmic=mode == 'follow')
         if mode == 'cycle':
-            return CycleSource(chosen, speed=speed, phase=phase)
+            return CycleSource(chosen, speed=speed, phase=phase, space=self.space)
         settings = follow or FollowSettings()
-        return FollowSource(chosen, None, settings.stiffness, settings.patience, settings.coast, settings.stop)
+        return FollowSource(chosen, None, settings.stiffness, settings.patience, settings.coast, settings.stop,
+                            self.space)
 
     def _behaviour(self, name, rhythmic):
         if name:
@@ -157,15 +161,16 @@ def load_repertoire(model='', file='', skeleton='', rate_hz=0.0):
         raise UsageError('give a model file, a motion file, or both')
     recording = None
     if file:
-        recording = read_motion(file, read_skeleton(skeleton) if skeleton else None)
+        recording = read_recording(file, read_skeleton(skeleton) if skeleton else None)
         if rate_hz:
             recording = recording.resample(rate_hz)
         if not model:
             return Repertoire('', '', recording.joint_names, {}, None, recording)
     kind, name = read_header(model)['kind'], Path(model).stem
     if kind == phase_style.KIND:
-        behaviours = phase_style.load_behaviours(model)
-        return Repertoire(name, kind, behaviours[0].joint_names, {one.name: one for one in behaviours}, None, recording)
+        behaviours, space = phase_style.load_behaviours(model), space_of(model)
+        return Repertoire(name, kind, behaviours[0].joint_names, {one.name: one for one in behaviours}, None, recording,
+                          space=space)
     if kind == style_machine.KIND:
         machine = style_machine.load(model)
         return Repertoire(name, kind, tuple(machine.joint_names), {}, machine, recording)

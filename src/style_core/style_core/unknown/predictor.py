@@ -42,6 +42,7 @@ class OpenPredictor:
 
     def __init__(self, first, behaviour, dynamics=None):
         self.joint_names = first.joint_names
+        self.orders = getattr(first, 'orders', None)    # in which joints with three angles turn
         self._first = first
         self._forecasts = Forecasts(len(first.joint_names), read_short_range() if dynamics is None else dynamics)
         self._only = {behaviour: 1.0}

@@ -71,8 +71,10 @@ def _named_styles(behaviour):
 class _Styled(TimedSource):
     """What cycle and follow share: a style on its way, and poses of phases."""
 
-    def __init__(self, behaviour, style, speed):
+    def __init__(self, behaviour, style, speed, space):
         super().__init__(speed)
+        self._space = None if space is None else space.select(behaviour.joint_names)
+        self._near = None
         self._cycle = StyleCycle(behaviour)
         self.joint_names = behaviour.joint_names
         self.styles, self.labels = self._cycle.styles, self._cycle.labels
@@ -112,11 +114,19 @@ class _Styled(TimedSource):
         """Positions and their derivatives by phase and by the changing style, (K, D) each."""
         if not self._style.moving:
             here, slope = self._cycle.pose(phase, self._style.target)
-            return here, slope, np.zeros_like(here)
-        bases, slopes = self._cycle.bases(phase)
-        v, rate = self._style.at(ahead), self._style.rate(ahead)
-        return (np.einsum('kj,kjd->kd', v, bases), np.einsum('kj,kjd->kd', v, slopes),
-                np.einsum('kj,kjd->kd', rate, bases))
+            by_style = np.zeros_like(here)
+        else:
+            bases, slopes = self._cycle.bases(phase)
+            v, rate = self._style.at(ahead), self._style.rate(ahead)
+            here, slope = np.einsum('kj,kjd->kd', v, bases), np.einsum('kj,kjd->kd', v, slopes)
+            by_style = np.einsum('kj,kjd->kd', rate, bases)
+        if self._space is None:
+            return here, slope, by_style
+        _, by_style = self._space.decode(here, self._near, velocity=by_style)
+        here, slope = self._space.decode(here, self._near, velocity=slope)
+        if len(here):
+            self._near = here[0].copy()
+        return here, slope, by_style
 
 
 class CycleSource(_Styled):
@@ -131,10 +141,12 @@ class CycleSource(_Styled):
         1 moves at the mean phase velocity of the training sequences.
     phase : float
         To start from; rad, or [0, 1].
+    space : JointSpace, optional
+        In which the behaviour was learned.
     """
 
-    def __init__(self, behaviour, style=None, speed=1.0, phase=0.0):
-        super().__init__(behaviour, style, speed)
+    def __init__(self, behaviour, style=None, speed=1.0, phase=0.0, space=None):
+        super().__init__(behaviour, style, speed, space)
         self._start = float(phase)
         self._velocity = float(behaviour.velocity[0])
         if not self._velocity > 0:
@@ -190,12 +202,14 @@ class FollowSource(_Styled):
         Natural frequency of the pull, rad/s.
     patience, coast, stop : float
         Estimates are missing after ``patience``; s.
+    space : JointSpace, optional
+        In which the behaviour was learned.
     """
 
-    def __init__(self, behaviour, style=None, stiffness=6.0, patience=0.1, coast=0.5, stop=1.0):
+    def __init__(self, behaviour, style=None, stiffness=6.0, patience=0.1, coast=0.5, stop=1.0, space=None):
         if not behaviour.rhythmic:
             raise UsageError(f'{behaviour.name} runs from a start to a goal: only rhythmic behaviours can be followed')
-        super().__init__(behaviour, style, 0.0)
+        super().__init__(behaviour, style, 0.0, space)
         self._stiffness, self._coast, self._stop = stiffness, patience + coast, stop
         self._lowest, self._highest = 0.0, float(behaviour.velocity[3])
         self._goal, self._velocity = 0.0, 0.0   # estimated phase now, and its velocity

@@ -1,7 +1,6 @@
 """A recording as a source of motion."""
 import numpy as np
 
-from style_core.angles import continuous
 from style_core.errors import MotionError
 from style_core.synthesis.player import loop_cut
 from style_core.synthesis.sources.source import COAST_S, TimedSource, coast_to_rest, hermite
@@ -18,7 +17,7 @@ class MotionFileSource(TimedSource):
     Parameters
     ----------
     motion : Motion
-        No missing values, two frames at least.
+        No missing values, two frames at least, continuous angles (`style_core.recordings.read_recording`).
     loop : bool
         Cut at the best matching poses; the difference that remains is spread over the end of the loop.
     speed : float
@@ -30,7 +29,6 @@ class MotionFileSource(TimedSource):
             raise MotionError(f'{motion.name or "the motion"} has missing values: fill or cut them first')
         if motion.n_frames < 2:
             raise MotionError(f'{motion.name or "the motion"} has a single frame')
-        motion = continuous(motion)
         self.joint_names, self._loop = motion.joint_names, loop
         if loop:
             motion = _closed(motion)
