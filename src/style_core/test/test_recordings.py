@@ -333,11 +333,10 @@ def test_who_is_who(tmp_path, capsys):
     assert list(people_of([Path('sub01_walk.csv'), Path('sub02_run.csv')], 'sub{person}_*').values()) == ['01', '02']
     (tmp_path / 'people.csv').write_text('file,subject\nwalk1.csv,A\nwalk2.csv,B\n')
     assert set(people_of(files[:2], f'{tmp_path}/people.csv:subject').values()) == {'A', 'B'}
-    capsys.readouterr()
-    people_of([Path('walk_1.csv'), Path('walk_2.csv')])
-    assert 'one person' in capsys.readouterr().err
-    people_of([Path('walk1.csv'), Path('walk2.csv')])
-    assert 'person of its own' in capsys.readouterr().err
+    with pytest.warns(UserWarning, match='one person'):
+        people_of([Path('walk_1.csv'), Path('walk_2.csv')])
+    with pytest.warns(UserWarning, match='person of its own'):
+        people_of([Path('walk1.csv'), Path('walk2.csv')])
     for how, words in (('magic', 'takes'), ('x{person}', 'does not match'), (f'{tmp_path}/people.csv:subject', 'name')):
         with pytest.raises(UsageError, match=words):
             people_of([Path('other.csv')], how)

@@ -1,6 +1,6 @@
 """Who moves in which recording: what is learned about new people depends on it."""
 import re
-import sys
+import warnings
 from pathlib import Path
 
 from style_core.errors import UsageError
@@ -50,16 +50,12 @@ def people_of(paths, how=None):
     more = f' and {len(listed) - 12} more' if len(listed) > 12 else ''
     print(f'{len(members)} {"person" if len(members) == 1 else "people"}: {", ".join(listed[:12])}{more}')
     if len(paths) > 1 and len(members) == 1:
-        _warn('all recordings count as one person: how much people differ cannot be learned, and bands about a new '
-              'person are too narrow (--person says who is who)')
+        warnings.warn('all recordings count as one person: how much people differ cannot be learned, and bands about a '
+                      'new person are too narrow (--person says who is who)', stacklevel=2)
     elif len(members) == len(paths) > 1:
-        _warn('every recording counts as a person of its own: if they are not, bands about a new person are wrong '
-              '(--person says who is who)')
+        warnings.warn('every recording counts as a person of its own: if they are not, bands about a new person are '
+                      'wrong (--person says who is who)', stacklevel=2)
     return people
-
-
-def _warn(text):
-    print(f'warning: {text}', file=sys.stderr)
 
 
 def _rule(how):

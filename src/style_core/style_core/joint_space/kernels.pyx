@@ -339,7 +339,7 @@ cdef class Border:
         Raises
         ------
         ValueError
-            If a shape is wrong.
+            If a shape is wrong, a value is infinite, or a mask is not boolean.
         """
         cdef Py_ssize_t d, k
         cdef int n, whole
@@ -350,8 +350,13 @@ cdef class Border:
         if result.ndim != 1 or len(result) != self._channels or (mask is not None and np.shape(mask) != result.shape):
             raise ValueError(f'an observation has shape ({self._channels},), got {result.shape}'
                              + ('' if mask is None else f' with a mask of shape {np.shape(mask)}'))
+        if np.isinf(result).any():
+            raise ValueError('observation holds an infinite value')
         if mask is not None:
-            result[~np.asarray(mask, dtype=bool)] = NAN
+            mask = np.asarray(mask)
+            if mask.dtype != bool:
+                raise ValueError(f'mask must be boolean, got {mask.dtype}')
+            result[~mask] = NAN
         cdef double[::1] out = result
         for d in range(self._channels):
             value = out[d]

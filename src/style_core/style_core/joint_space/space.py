@@ -233,6 +233,9 @@ class JointSpace:
         torn = [self.balls[k] for k in chosen if not all(f'{self.balls[k]}.r{letter}' in names for letter in 'xyz')]
         if torn:
             raise ModelError(f'the joint {torn[0]} was learned as a whole: take all of its angles or none')
+        absent = [name for name in names if name not in self._index]
+        if absent:
+            raise ModelError(f'the joint space of the model does not know {", ".join(absent[:5])}: the file is damaged')
         place = [self._index[name] for name in names]
         return JointSpace(names, tuple(self.balls[k] for k in chosen), self.orders, self.homes[chosen],
                           self.frames[chosen], self.centres[place], self.folds[place])

@@ -10,7 +10,7 @@ that it knows stand in for the means, relative to ``<e2^2>``: so the weight does
 """
 import numpy as np
 
-from libc.math cimport INFINITY, exp, fmax, fmin, sqrt
+from libc.math cimport INFINITY, exp, fabs, fmax, fmin, sqrt
 from libc.string cimport memset
 
 from style_core.unknown.short_range import FRAME_S, LAGS, LEADS
@@ -36,6 +36,9 @@ SPACING_S = 0.85 * FRAME_S
 LONGEST_GAP_S = 2.5 * FRAME_S
 #: A joint unseen for this long is left to the model, s.
 STALE_S = LAGS[len(LAGS) - 1] * FRAME_S
+#: A joint that moves farther than the first, rad, and faster than the second, rad/s, has not moved: its angle has jumped to
+#: an equivalent one, or a sensor lies.
+JUMP = (0.5, 40.0)
 #: Standing still: no joint moved by more than this over the last 18 and 8 frames, root mean square over joints, rad; and it
 #: has ended once it moved by more than the third over two frames. People who walk move by over 5 degrees in 18 frames and
 #: by over 0.6 in two, whatever the phase.
@@ -46,7 +49,7 @@ cdef enum:
     PATTERNS = 256      # 2^(K+1)
     PENDING = 40    # forecasts of one lead that wait for their time: 25 frames at the least spacing, and some more
 
-cdef double FRAME = FRAME_S, SPACING = SPACING_S, GAP = LONGEST_GAP_S, STALE = STALE_S
+cdef double FRAME = FRAME_S, SPACING = SPACING_S, GAP = LONGEST_GAP_S, STALE = STALE_S, JUMP_RAD = JUMP[0], JUMP_SPEED = JUMP[1]
 cdef double MEMORY = MEMORY_S, BAND_MEMORY = BAND_MEMORY_S, USUAL = USUAL_FRAMES
 cdef double STILL_LONG = STILL_RAD[0], STILL_SHORT = STILL_RAD[1], MOVING = STILL_RAD[2]
 cdef int TWO_FRAMES = 1 + LAGS.index(2), EIGHT_FRAMES = 1 + LAGS.index(8), EIGHTEEN_FRAMES = 1 + LAGS.index(18)
@@ -162,6 +165,9 @@ cdef class Forecasts:
         """
         cdef int lead, d
         cdef bint sampled
+        for d in range(self._channels):
+            if seen[d] and fabs(y[d] - self._y[d]) > fmax(JUMP_RAD, JUMP_SPEED * (time - self._last_seen[d])):
+                self._forget_joint(d)
         for lead in range(self._scored):
             self._score_due(lead, time, y, seen)
         self._weigh()
@@ -184,6 +190,15 @@ cdef class Forecasts:
         self._judge_still()
         self._foretell()
         self.wanted = sampled
+
+    cdef void _forget_joint(self, int d) noexcept nogil:
+        """Neither look back beyond a jump nor score what was foretold before it."""
+        cdef int lead, k
+        for k in range(KEPT):
+            self._past_seen[k, d] = 0
+        for lead in range(self._scored):
+            for k in range(PENDING):
+                self._inverse[lead, k, d] = 0.0
 
     cdef void _look_back(self) noexcept nogil:
         """Angles of the joints that are seen, now and `LAGS` ago, and which of them were seen."""
