@@ -30,6 +30,9 @@ SCORED = tuple(lead for lead in LEADS if lead <= 20)
 MEMORY_S, BAND_MEMORY_S = 0.5, 1.0
 #: What is usual is worth this many frames of scores.
 USUAL_FRAMES = 5.0
+#: Errors of the model count for at most five times those of the dynamics, root mean square, and errors in a band for at
+#: most ten standard deviations: a model that a wild sample has thrown off is forgiven.
+WORST = 25.0, 100.0
 #: Two kept samples are at least this far apart, s: all of a 60 Hz stream, every third of a 200 Hz one.
 SPACING_S = 0.85 * FRAME_S
 #: Angles farther apart than this have no straight line between them, s.
@@ -50,6 +53,7 @@ cdef enum:
     PENDING = 40    # forecasts of one lead that wait for their time: 25 frames at the least spacing, and some more
 
 cdef double FRAME = FRAME_S, SPACING = SPACING_S, GAP = LONGEST_GAP_S, STALE = STALE_S, JUMP_RAD = JUMP[0], JUMP_SPEED = JUMP[1]
+cdef double WORST_RATIO = WORST[0], WORST_SQUARE = WORST[1]
 cdef double MEMORY = MEMORY_S, BAND_MEMORY = BAND_MEMORY_S, USUAL = USUAL_FRAMES
 cdef double STILL_LONG = STILL_RAD[0], STILL_SHORT = STILL_RAD[1], MOVING = STILL_RAD[2]
 cdef int TWO_FRAMES = 1 + LAGS.index(2), EIGHT_FRAMES = 1 + LAGS.index(8), EIGHTEEN_FRAMES = 1 + LAGS.index(18)
@@ -145,6 +149,13 @@ cdef class Forecasts:
         self._squares[:] = 0.0
         self._square_frames[:] = 0.0
         self.still = self.wanted = False
+        self._weigh()
+
+    def forgive(self):
+        """Forget what the model's forecasts were worth: it has found its way, and they were made before."""
+        self._waiting[:] = 0
+        self._score[:] = 0.0
+        self._frames[:] = 0.0
         self._weigh()
 
     # ---------------------------------------------------------------------------------------- what is seen
@@ -330,12 +341,18 @@ cdef class Forecasts:
                 sums[1] += model * short
                 sums[2] += short * short
                 model *= self._inverse[lead, at, d]
-                sums[3] += model * model
-                self._squares[lead, d] = fade * self._squares[lead, d] + frames * mixed * mixed
+                sums[3] += fmin(model * model, WORST_SQUARE)
+                mixed = fmin(mixed * mixed, WORST_SQUARE * fmax(
+                    self._variances[self._common, lead], 1 / (self._inverse[lead, at, d] * self._inverse[lead, at, d])))
+                self._squares[lead, d] = fade * self._squares[lead, d] + frames * mixed
                 self._square_frames[lead, d] = fade * self._square_frames[lead, d] + frames
                 count += 1
             if not count:
                 continue
+            if sums[0] > WORST_RATIO * sums[2] > 0:
+                share = sqrt(WORST_RATIO * sums[2] / sums[0])
+                sums[0] *= share * share
+                sums[1] *= share
             fade = exp(-since / MEMORY)
             for d in range(4):
                 self._score[d, lead] = fade * self._score[d, lead] + frames * sums[d] / count

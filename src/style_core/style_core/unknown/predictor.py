@@ -56,7 +56,7 @@ class OpenPredictor:
 
     def _forget(self):
         self._forecasts.reset()
-        self._time, self._known = None, True
+        self._time, self._known, self._searching = None, True, False
         self._stopped = None    # phase at which the person came to stand
         self._status, self._other, self._since = Status.ACQUIRING, Status.ACQUIRING, -np.inf
 
@@ -69,6 +69,9 @@ class OpenPredictor:
         if self._time is not None and time - self._time > GAP_S:
             self._forget()
         self._time = time
+        if self._searching and estimate.status == Status.TRACKING:
+            self._forecasts.forgive()
+        self._searching = estimate.status == Status.ACQUIRING
         self._forecasts.observe(time, np.asarray(y, dtype=float), estimate.observed.view(np.uint8))
         return self._judged(estimate)
 
