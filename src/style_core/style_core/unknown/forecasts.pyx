@@ -30,9 +30,9 @@ SCORED = tuple(lead for lead in LEADS if lead <= 20)
 MEMORY_S, BAND_MEMORY_S = 0.5, 1.0
 #: What is usual is worth this many frames of scores.
 USUAL_FRAMES = 5.0
-#: Errors of the model count for at most five times those of the dynamics, root mean square, and errors in a band for at
+#: Errors of the model count for at most twenty times those of the dynamics, root mean square, and errors in a band for at
 #: most ten standard deviations: a model that a wild sample has thrown off is forgiven.
-WORST = 25.0, 100.0
+WORST = 400.0, 100.0
 #: Two kept samples are at least this far apart, s: all of a 60 Hz stream, every third of a 200 Hz one.
 SPACING_S = 0.85 * FRAME_S
 #: Angles farther apart than this have no straight line between them, s.
