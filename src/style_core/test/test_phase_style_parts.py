@@ -6,15 +6,18 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.linalg import block_diag
+from test_phase_style_arrow import made_table
 from test_phase_style_full import made_person, walk  # noqa: F401 (fixture)
 
 from style_core.errors import ModelError
 from style_core.phase_style import FullPredictor, load_behaviours, save_behaviours
+from style_core.phase_style.arrow_filter import ArrowFilter
 from style_core.phase_style.channel import CHANNEL, covariances_of, parts_of
 from style_core.phase_style.full import PARTS
-from style_core.phase_style.parts import CYCLE, LEVEL, SMOOTH, Part
+from style_core.phase_style.parts import CYCLE, LEVEL, SMOOTH, SMOOTHER, Part
 
-PARTS_OF_A_KIND = [Part(LEVEL, 0.7), Part(SMOOTH, 9.0), Part(CYCLE, 0.4, 3)]
+PARTS_OF_A_KIND = [Part(LEVEL, 0.7), Part(SMOOTH, 9.0), Part(SMOOTHER, 9.0), Part(CYCLE, 0.4, 3)]
 
 
 @pytest.mark.parametrize('part', PARTS_OF_A_KIND)
@@ -36,12 +39,42 @@ def test_weights_have_their_derivative(part):
 @pytest.mark.parametrize('part, kernel', [
     (Part(LEVEL, 0.7), lambda lag, turn: np.exp(-0.7 * lag)),
     (Part(SMOOTH, 9.0), lambda lag, turn: (1 + 9 * lag) * np.exp(-9 * lag)),
+    (Part(SMOOTHER, 9.0), lambda lag, turn: (1 + 9 * lag + 27 * lag ** 2) * np.exp(-9 * lag)),
     (Part(CYCLE, 0.4, 3), lambda lag, turn: np.exp(-0.4 * lag) * np.cos(3 * turn))])
 def test_covariance_over_time_is_the_kernel_of_its_kind(part, kernel):
     rng = np.random.default_rng(0)
     times, phases = np.sort(rng.uniform(0, 3, 12)), rng.uniform(0, 6, 12)
     want = kernel(np.abs(times[:, None] - times), phases[:, None] - phases)
     np.testing.assert_allclose(part.covariance(times, phases), want, atol=1e-12)
+
+
+@pytest.mark.parametrize('part', PARTS_OF_A_KIND)
+def test_a_filter_with_a_part_of_any_kind_is_the_dense_one(part):
+    """One channel whose phase is known and stands still: a linear Kalman filter over a level and the part."""
+    rng = np.random.default_rng(3)
+    table = made_table(rng, 0, 1)
+    one = ArrowFilter(table, [(Part(LEVEL, 0.3), np.array([0.02])), (part, np.array([0.05]))], np.array([1e-3]), 0.0,
+                      0.0, (0.0, 1.0))
+    one.start(0.8, 0.0, 1e-12, 1e-12)
+    level = Part(LEVEL, 0.3)
+    s = np.concatenate([level.weights(0.8)[0], part.weights(0.8)[0]])
+    P0 = block_diag(0.02 * level.prior(), 0.05 * part.prior())
+    u, V, base = np.zeros(len(s)), P0.copy(), table.evaluate(0.8)[0][0, 0]
+    for step in range(12):
+        dt = rng.uniform(0.02, 0.1) if step else 0.0
+        G = block_diag(level.transition(dt), part.transition(dt))
+        u, V = G @ u, G @ V @ G.T + P0 - G @ P0 @ G.T
+        y = base + 0.2 * rng.standard_normal()
+        one.update(np.array([y]), np.ones(1, np.uint8), dt)
+        gain = V @ s / (s @ V @ s + 1e-3)
+        u, V = u + gain * (y - base - s @ u), V - np.outer(gain, s @ V)
+        np.testing.assert_allclose(one.residuals[:, 0], u, atol=1e-6 * np.abs(u).max())
+        np.testing.assert_allclose(one.marginal(0)[1][2:, 2:], V, atol=1e-6 * np.abs(V).max())
+    mean, std, velocity = one.forecast(np.array([0.2, 0.2 + 1e-6]))
+    G = block_diag(level.transition(0.2), part.transition(0.2))
+    assert mean[0, 0] == pytest.approx(base + s @ G @ u, abs=1e-6)
+    assert std[0, 0] ** 2 == pytest.approx(s @ (G @ V @ G.T + P0 - G @ P0 @ G.T) @ s + 1e-3, rel=1e-5)
+    assert velocity[0, 0] == pytest.approx((mean[1, 0] - mean[0, 0]) / 1e-6, abs=1e-4)
 
 
 def test_ingredients_make_up_filter_and_smoother_alike(walk):  # noqa: F811

@@ -36,12 +36,13 @@ typedef struct {
     coupled couple[MOST];
     /* linearisation: weights of bases and states, and the states' derivatives by phase */
     double w[MOST], s[MOST], by_phase[MOST], thin;
+    int entering, enters[MOST];  /* states that an observation sees: those with a weight or a derivative */
     cubic at;
     double delta[MOST];      /* change of the common state */
     double factor[MOST * MOST];  /* its covariance's root */
 } arrow;
 
-/* A time ahead: where the table is looked up, how the present states enter, and how much of each part is new by then. */
+/* A time ahead: where the table is looked up, how the present states enter, how much of each part is new by then. */
 typedef struct {
     cubic at;
     double w[MOST], s[MOST], by_phase[MOST], by_time[MOST];

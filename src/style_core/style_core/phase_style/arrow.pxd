@@ -1,4 +1,4 @@
-"""The arrow filter's inner loops (arrow.h; layouts and sizes are the header's, here stand the fields that Cython uses)."""
+"""The arrow filter's inner loops: layouts and sizes are those of arrow.h, here stand the fields that Cython uses."""
 from style_core.phase_style.basis_table cimport MOST, cubic
 
 cdef extern from "arrow.h":
@@ -27,6 +27,8 @@ cdef extern from "arrow.h":
         double s[MOST]
         double by_phase[MOST]
         double thin
+        int entering
+        int enters[MOST]
         cubic at
         double delta[MOST]
         double factor[MOST * MOST]

@@ -151,7 +151,7 @@ static inline void NAME(arrow_step)(const arrow *f, double *A, double *V, double
 static inline void NAME(arrow_expect)(const arrow *f, const v4 *h, int block, const double *A, const double *u,
                                       v4 *g, v4 *row)
 {
-    const int m = f->m, n = f->n, styles = m - 2;
+    const int m = f->m, styles = m - 2;
     EACH {
         const cell *here = f->at.here + 2 * LANES * (styles + 1) * block + LANES / 2 * k;
         const cell *next = f->at.next + 2 * LANES * (styles + 1) * block + LANES / 2 * k;
@@ -168,7 +168,8 @@ static inline void NAME(arrow_expect)(const arrow *f, const v4 *h, int block, co
             s += w * s0;
             g[2 * (1 + j) + k] = value;
         }
-        for (int a = 0; a < n; a++) {
+        for (int e = 0; e < f->entering; e++) {
+            const int a = f->enters[e];
             states += f->s[a] * CROW(u, a)[k];
             turning += f->by_phase[a] * CROW(u, a)[k];
         }
@@ -179,8 +180,10 @@ static inline void NAME(arrow_expect)(const arrow *f, const v4 *h, int block, co
     for (int i = 0; i < m; i++) {
         v4 t[2];
         EACH t[k] = g[2 * i + k];
-        for (int a = 0; a < n; a++)
+        for (int e = 0; e < f->entering; e++) {
+            const int a = f->enters[e];
             EACH t[k] += f->s[a] * CROW(A, a * m + i)[k];
+        }
         EACH g[2 * i + k] = t[k];
     }
 }
@@ -193,8 +196,10 @@ static inline void NAME(arrow_variances)(const arrow *f, const double *V, const 
     for (int a = 0; a < n; a++) {
         v4 t[2];
         EACH t[k] = (v4){};
-        for (int b = 0; b < n; b++)
+        for (int e = 0; e < f->entering; e++) {
+            const int b = f->enters[e];
             EACH t[k] += f->s[b] * CROW(V, a > b ? TRI(a, b) : TRI(b, a))[k];
+        }
         EACH vs[2 * a + k] = t[k];
         EACH total[k] += f->s[a] * t[k];
     }
@@ -280,44 +285,49 @@ static void NAME(arrow_correct)(arrow *f)
 }
 
 /* Mean and velocity at a time ahead, each (D,) or NULL; where rows is not NULL, the derivative by phase and the bases
-   of z, (blocks, 1 + J, 8), for the spread: eq. (14). */
+   of z, (2 blocks, 1 + J, 4), for the spread: eq. (14). */
 static void NAME(arrow_mean)(const arrow *f, const horizon *x, double *mean, double *velocity, double *rows)
 {
     const int n = f->n, styles = f->m - 2;
     v4 h[8];
     NAME(spread_weights)(&x->at, h);
-    for (int half = 0; half < 2 * f->blocks; half++) {
-        const int block = half / 2, lane = LANES / 2 * (half % 2), left = f->channels - LANES / 2 * half;
-        const double *u = f->states + ((long)block * f->rows + arrow_u(f)) * LANES + lane;
-        const cell *here = x->at.here + 2 * LANES * (1 + styles) * block + lane;
-        const cell *next = x->at.next + 2 * LANES * (1 + styles) * block + lane;
-        v4 *bases = rows ? (v4 *)rows + (1 + styles) * half : NULL;
-        v4 b[4] = {VALUE(here, 0), SLOPE(here, 0), VALUE(next, 0), SLOPE(next, 0)}, states = {}, moving = {};
-        const v4 base = CUBIC(h, b[0], b[1], b[2], b[3]);
-        if (bases)
-            for (int j = 1; j <= styles; j++)
-                bases[j] = NAME(basis)(h, here, next, j);
-        for (int j = 1; j <= styles; j++)
-            NAME(add_basis)(b, x->w[j], here, next, j);
-        const v4 row = CUBIC(h, b[0], b[1], b[2], b[3]);
-        v4 slope = CUBIC(h + 4, b[0], b[1], b[2], b[3]);
+    for (int block = 0; block < f->blocks; block++) {
+        const double *u = f->states + ((long)block * f->rows + arrow_u(f)) * LANES;
+        const cell *here = x->at.here + 2 * LANES * (1 + styles) * block;
+        const cell *next = x->at.next + 2 * LANES * (1 + styles) * block;
+        v4 states[2] = {}, moving[2] = {};
         for (int a = 0; a < n; a++) {
-            const v4 state = CHALF(u, a);
-            states += x->s[a] * state;
-            moving += x->by_time[a] * state;
+            const double s = x->s[a], rate = x->by_time[a];
+            EACH {
+                states[k] += s * CROW(u, a)[k];
+                moving[k] += rate * CROW(u, a)[k];
+            }
         }
-        NAME(put)(mean + LANES / 2 * half, row + states, left);
-        if (velocity)
-            NAME(put)(velocity + LANES / 2 * half, (x->speed * slope - x->style_rate * (row - base)) + moving, left);
-        if (bases) {
-            for (int a = 0; a < n; a++)
-                slope += x->by_phase[a] * CHALF(u, a);
-            bases[0] = slope;
+        EACH {
+            const int lane = LANES / 2 * k, left = f->channels - block * LANES - lane;
+            v4 b[4] = {VALUE(here + lane, 0), SLOPE(here + lane, 0), VALUE(next + lane, 0), SLOPE(next + lane, 0)};
+            const v4 base = CUBIC(h, b[0], b[1], b[2], b[3]);
+            for (int j = 1; j <= styles; j++)
+                NAME(add_basis)(b, x->w[j], here + lane, next + lane, j);
+            const v4 row = CUBIC(h, b[0], b[1], b[2], b[3]);
+            v4 slope = CUBIC(h + 4, b[0], b[1], b[2], b[3]);
+            NAME(put)(mean + block * LANES + lane, row + states[k], left);
+            if (velocity)
+                NAME(put)(velocity + block * LANES + lane,
+                          (x->speed * slope - x->style_rate * (row - base)) + moving[k], left);
+            if (rows) {
+                v4 *bases = (v4 *)rows + (1 + styles) * (2 * block + k);
+                for (int j = 1; j <= styles; j++)
+                    bases[j] = NAME(basis)(h, here + lane, next + lane, j);
+                for (int a = 0; a < n; a++)
+                    slope += x->by_phase[a] * CROW(u, a)[k];
+                bases[0] = slope;
+            }
         }
     }
 }
 
-/* Standard deviation of a block, eq. (15), at H times ahead, 1 or 3: what of the states is loaded serves all of them. */
+/* Standard deviation of a block, eq. (15), at H times ahead, 1 or 3: states are loaded once for all of them. */
 static inline __attribute__((always_inline)) void NAME(arrow_spread_at)(
     const int H, const arrow *f, const horizon *x, int block, const double *rows, double *const *std)
 {

@@ -8,8 +8,9 @@ from libc.math cimport INFINITY, NAN, exp, log, sqrt
 
 from style_core.phase_style.arrow cimport arrow, arrow_correct, arrow_innovate, coupled
 from style_core.phase_style.arrow_forecast cimport ArrowForecast
+from style_core.phase_style.basis_table cimport MOST
 from style_core.phase_style.memory cimport total_of
-from style_core.phase_style.parts cimport is_coupled, part, renewed, size_of, transition
+from style_core.phase_style.parts cimport is_coupled, part, renewed, size_of, transition, weights
 from style_core.phase_style.arrow_forecast import TOO_FAR
 from style_core.small_matrices cimport cholesky, cholesky_inverse, cholesky_solve
 
@@ -63,11 +64,11 @@ cdef class ArrowFilter(ArrowForecast):
     cpdef gate(self, double limit=INFINITY, double few=0.0, double rest=INFINITY, bint whole=False):
         """What to leave out from now on; nothing, unless told.
 
-        A channel whose innovation is more than ``limit`` of its standard deviations, and any beside it that is more than
-        a quarter of it off, is left out of the update if the others are not surprised, for as long as it contradicts what
-        came before or does not change by a single bit; once it has agreed with itself for 0.05 s it enters again, and its
-        level is sought anew. Where more than a share ``few`` of the channels is out, and not one alone, it is not a few
-        sensors that fail: then the observation is left out as a whole, or used as it is.
+        A channel whose innovation is more than ``limit`` of its standard deviations, and any beside it that is more
+        than a quarter of it off, is left out of the update if the others are not surprised, for as long as it
+        contradicts what came before or does not change by a single bit; once it has agreed with itself for 0.05 s it
+        enters again, and its level is sought anew. Where more than a share ``few`` of the channels is out, and not one
+        alone, it is not a few sensors that fail: then the observation is left out as a whole, or used as it is.
 
         Parameters
         ----------
@@ -196,6 +197,23 @@ cdef class ArrowFilter(ArrowForecast):
             for a in range(one.first, one.first + size_of(one)):
                 self.f.decay[a], self.f.renewal[a] = left, 1 - left * left
 
+    cdef void _weigh(self, double phase) noexcept nogil:
+        """How states enter an observation now, eq. (2), and which do at all."""
+        cdef int a, p
+        cdef double c[MOST]
+        cdef double d[MOST]
+        cdef const part* one
+        cdef arrow* f = &self.f
+        self._multiples(phase, c, d)
+        for p in range(f.parts):
+            one = &self.parts[p]
+            weights(one, c[one.harmonic], d[one.harmonic], f.s + one.first, f.by_phase + one.first)
+        f.entering = 0
+        for a in range(self.states):
+            if f.s[a] != 0 or f.by_phase[a] != 0:
+                f.enters[f.entering] = a
+                f.entering += 1
+
     cdef int _correct(self, const unsigned char[::1] observed, double dt) noexcept nogil:
         """Gate the observation and correct by it: eqs. (11) to (13), with the time step of the channels' own states."""
         cdef int i, j, k = 0, status, m = self.common
@@ -205,7 +223,7 @@ cdef class ArrowFilter(ArrowForecast):
         f.w[0] = 1
         for j in range(self.styles):
             f.w[1 + j] = self.c[2 + j]
-        self._weights(self.c[0], NULL, f.s, f.by_phase)
+        self._weigh(self.c[0])
         self.rejection.admit(observed)
         arrow_innovate(f, dt > 0)
         if self.rejection.gate(f, &self.P[0, 0], self.level, dt):
@@ -238,8 +256,10 @@ cdef class ArrowFilter(ArrowForecast):
         return 0
 
     cdef int _solve(self, double* squares) noexcept nogil:
-        """Change of the common state in information form, eq. (12), its precision's root in ``matrix``, and e^T (G P G^T + S)^-1 e
-        = e^T S^-1 e - delta^T G^T S^-1 e."""
+        """Change delta of the common state in information form, eq. (12), and its precision's root in ``matrix``.
+
+        The squared innovation is e^T (G P G^T + S)^-1 e = e^T S^-1 e - delta^T G^T S^-1 e.
+        """
         cdef int i, j, k = 0, m = self.common
         cdef arrow* f = &self.f
         squares[0] = total_of(&self.sums[4 * (m * (m + 1) // 2 + m)])

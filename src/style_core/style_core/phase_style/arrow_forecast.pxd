@@ -9,4 +9,5 @@ cdef class ArrowForecast(ArrowState):
     cdef long _plan_size(self) noexcept nogil
     cdef void _plan_one(self, double t, double* plan) noexcept nogil
     cdef void _ahead(self, const double* plan, horizon* x) noexcept nogil
+    cdef void _enter(self, double phase, const double* left, horizon* x) noexcept nogil
     cdef void _forecast(self, const double[::1] horizons, double* mean, double* std, double* velocity) noexcept nogil

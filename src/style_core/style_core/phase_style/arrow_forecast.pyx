@@ -5,11 +5,11 @@ Numbers of equations are those of docs/phase_style.md; loops over channels are i
 import numpy as np
 
 from libc.math cimport NAN, exp
-from libc.string cimport memcmp
+from libc.string cimport memcmp, memcpy
 
 from style_core.phase_style.arrow cimport WIDEST, arrow_mean, arrow_spread, horizon
 from style_core.phase_style.arrow_state cimport KNOTS, ArrowState
-from style_core.phase_style.basis_table cimport between
+from style_core.phase_style.basis_table cimport MOST, between
 from style_core.phase_style.memory cimport Sheet, check_horizons
 from style_core.phase_style.parts cimport ahead, part, size_of, turns, weights
 
@@ -167,11 +167,8 @@ cdef class ArrowForecast(ArrowState):
 
     cdef void _ahead(self, const double* plan, horizon* x) noexcept nogil:
         """Where a time ahead looks the table up, and how the present states enter: eq. (14)."""
-        cdef int a, j, p
+        cdef int j
         cdef double t = plan[0], rho = plan[1], phase = self.c[0] + t * self.c[1]
-        cdef const double* left = plan + 2 + self.f.parts
-        cdef const double* s = left + self.f.parts
-        cdef const part* one
         x.fresh = plan + 2
         x.speed = self.c[1]
         if not self.table.rhythmic and (phase >= 1 or phase <= 0):
@@ -181,16 +178,36 @@ cdef class ArrowForecast(ArrowState):
         x.w[0] = 1
         for j in range(self.styles):
             x.w[1 + j] = rho * self.c[2 + j]
-        for a in range(self.states):
-            x.s[a], x.by_phase[a], x.by_time[a] = s[a], 0, s[self.states + a]
-        self._weights(phase, left, x.s, x.by_phase)
+        self._enter(phase, plan + 2 + self.f.parts, x)
+        x.ahead, x.rho, x.style_rate = t, rho, self.style_rate
+        x.wander = self.acceleration * t * t * t / 3
+
+    cdef void _enter(self, double phase, const double* left, horizon* x) noexcept nogil:
+        """How states enter an observation ahead of time, with the derivatives.
+
+        Those of parts that turn with the phase do by it and by how much is ``left``, the others as planned, and their
+        derivative by phase stays 0.
+        """
+        cdef int a, i, p
+        cdef const double* s = left + self.f.parts
+        cdef double c[MOST]
+        cdef double d[MOST]
+        cdef double w[WIDEST]
+        cdef double by_phase[WIDEST]
+        cdef const part* one
+        memcpy(x.s, s, self.states * sizeof(double))
+        memcpy(x.by_time, s + self.states, self.states * sizeof(double))
+        if self.harmonics == 0:
+            return
+        self._multiples(phase, c, d)
         for p in range(self.f.parts):
             one = &self.parts[p]
             if turns(one):
-                for a in range(one.first, one.first + size_of(one)):
-                    x.by_time[a] = x.speed * x.by_phase[a] - one.rate * x.s[a]
-        x.ahead, x.rho, x.style_rate = t, rho, self.style_rate
-        x.wander = self.acceleration * t * t * t / 3
+                weights(one, c[one.harmonic], d[one.harmonic], w, by_phase)
+                for a in range(size_of(one)):
+                    i = one.first + a
+                    x.s[i], x.by_phase[i] = left[p] * w[a], left[p] * by_phase[a]
+                    x.by_time[i] = x.speed * x.by_phase[i] - one.rate * x.s[i]
 
     cdef void _forecast(self, const double[::1] horizons, double* mean, double* std,
                         double* velocity) noexcept nogil:

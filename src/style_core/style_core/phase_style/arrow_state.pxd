@@ -1,4 +1,4 @@
-"""What a search asks of a filter without going through Python, and the state of the full filter (see arrow_state.pyx)."""
+"""What a search asks of a filter without going through Python, and the state of the full one (see arrow_state.pyx)."""
 from style_core.phase_style.arrow cimport arrow, horizon
 from style_core.phase_style.basis_table cimport MOST, Table
 from style_core.phase_style.parts cimport Part, part
@@ -49,4 +49,4 @@ cdef class ArrowState(Filter):
     cdef int _invert(self) noexcept nogil
     cdef void _fill(self) noexcept nogil
     cdef int _root(self) noexcept nogil
-    cdef void _weights(self, double phase, const double* left, double* s, double* by_phase) noexcept nogil
+    cdef void _multiples(self, double phase, double* c, double* d) noexcept nogil

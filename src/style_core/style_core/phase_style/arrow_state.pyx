@@ -9,7 +9,7 @@ from libc.math cimport INFINITY, NAN, cos, sin
 from style_core.phase_style.arrow cimport WIDEST, arrow_constants, arrow_fill, arrow_rows, arrow_u, arrow_v, coupled
 from style_core.phase_style.basis_table cimport LANES, wrapped
 from style_core.phase_style.memory cimport aligned
-from style_core.phase_style.parts cimport LEVEL, is_coupled, prior, size_of, turns, weights
+from style_core.phase_style.parts cimport LEVEL, is_coupled, prior
 from style_core.small_matrices cimport cholesky, cholesky_inverse
 
 __all__ = ['ArrowState', 'Filter']
@@ -206,30 +206,13 @@ cdef class ArrowState(Filter):
         self.log_precision = cholesky_inverse(&self.matrix[0, 0], &self.precision[0, 0], m)
         return 0
 
-    cdef void _weights(self, double phase, const double* left, double* s, double* by_phase) noexcept nogil:
-        """How states enter an observation at a phase, and the derivative by it.
-
-        Where ``left`` is given, only those of parts that turn with the phase, and they have decayed to so much of each.
-        """
-        cdef int a, p, k, first
-        cdef double last
-        cdef double c[MOST]  # cos and sin of multiples of the phase
-        cdef double d[MOST]
-        cdef const part* one
+    cdef void _multiples(self, double phase, double* c, double* d) noexcept nogil:
+        """cos and sin of multiples of the phase, from none up to the highest harmonic."""
+        cdef int k
         c[0], d[0], c[1], d[1] = 1, 0, cos(phase), sin(phase)
         for k in range(2, self.harmonics + 1):
             c[k] = c[k - 1] * c[1] - d[k - 1] * d[1]
             d[k] = d[k - 1] * c[1] + c[k - 1] * d[1]
-        for p in range(self.f.parts):
-            one = &self.parts[p]
-            first = one.first
-            if left == NULL:
-                weights(one, c[one.harmonic], d[one.harmonic], s + first, by_phase + first)
-            elif turns(one):
-                weights(one, c[one.harmonic], d[one.harmonic], s + first, by_phase + first)
-                for a in range(first, first + size_of(one)):
-                    s[a] *= left[p]
-                    by_phase[a] *= left[p]
 
     cdef void _fill(self) noexcept nogil:
         if self.f.blank:

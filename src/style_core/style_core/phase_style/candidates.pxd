@@ -4,7 +4,7 @@ from style_core.phase_style.recent_samples cimport RecentSamples
 
 cdef class Candidates:
     cdef readonly list glances
-    # of each part of a glance, a behaviour at a speed: which, its peaks (parts, peaks; see `Glance.peaks`), those looked at
+    # of each part of a glance, a behaviour at a speed: which, its peaks (see `Glance.peaks`), how many were taken
     cdef int[::1] behaviour, taken
     cdef double[::1] speed, prior       # the latter is its log weight, nats
     cdef double[:, ::1] score, phase

@@ -151,7 +151,7 @@ class FullPredictor:
         return Estimate(
             time=self._observation.time, phase=phase, phase_velocity=speed, phase_covariance=covariance, style=style,
             style_covariance=style_covariance, mean=mean, std=std, observed=self._observation.flags(),
-            innovation=innovation, log_likelihood=log_likelihood, status=self._search.course.state.status,
+            innovation=innovation, log_likelihood=log_likelihood, status=self._search.status,
             behaviours=self._probabilities())
 
     def _late(self, speaker):

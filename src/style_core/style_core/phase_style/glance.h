@@ -4,9 +4,9 @@
 
 #include "lanes.h"
 
-/* Mean motion (blocks, nodes, 8) and at each of the phases the variances (blocks, phases, 8); the last samples by block,
-   y and whether seen (blocks, samples, 8); whether a channel has any of them, and one over how many or 0. It only ranks,
-   so all of it is in single precision. */
+/* Mean motion (blocks, nodes, 8) and at each of the phases the variances (blocks, phases, 8); the last samples by
+   block, y and whether seen (blocks, samples, 8); whether a channel has any of them, and one over how many or 0. It
+   only ranks, so all of it is in single precision. */
 typedef struct {
     int blocks, nodes, samples;
     const float *mean, *posture, *log_posture, *change;   /* inverse variances and log of the first */

@@ -71,7 +71,10 @@ cdef class Hypothesis:
         return innovation if self.count else 1 + (self.tail + 1) * log1p((innovation - 1) / (self.tail + 1))
 
     cdef double _score(self):
-        """Log likelihood a sample, eq. (18). Variances are those of a usual person: whoever is smoother has smaller ones."""
+        """Log likelihood a sample, eq. (18).
+
+        Variances are those of a usual person: whoever is smoother has smaller ones.
+        """
         cdef double level = min((1 + self.cost) / (1 + self.weight), 1.0)
         return -0.5 * (self.seen * (log(level) + self.cost / (level * self.weight)) + self.logs) / self.weight
 

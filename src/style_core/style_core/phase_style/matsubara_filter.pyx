@@ -267,4 +267,5 @@ cdef class MatsubaraFilter:
             phase = 1 if phase >= 1 else 0
             speed = 0
         self.table.look_up(phase, &at)
-        matsubara_forecast(&self.f, &at, self.table.variance(phase, self.f.w), phase_variance, speed, mean, std, velocity)
+        matsubara_forecast(&self.f, &at, self.table.variance(phase, self.f.w), phase_variance, speed, mean, std,
+                           velocity)

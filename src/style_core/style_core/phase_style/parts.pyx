@@ -3,9 +3,9 @@ import numpy as np
 
 from libc.math cimport cos, fabs, sin
 
-__all__ = ['CYCLE', 'LEVEL', 'SMOOTH', 'Part']
+__all__ = ['CYCLE', 'LEVEL', 'SMOOTH', 'SMOOTHER', 'Part']
 
-globals().update(LEVEL=LEVEL, SMOOTH=SMOOTH, CYCLE=CYCLE)
+globals().update(LEVEL=LEVEL, SMOOTH=SMOOTH, SMOOTHER=SMOOTHER, CYCLE=CYCLE)
 
 
 cdef class Part:

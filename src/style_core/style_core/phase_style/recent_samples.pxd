@@ -12,5 +12,6 @@ cdef class RecentSamples:
     cdef long base          # of them, those before the first row of the memory
     cdef double last        # stamp of the last, s
 
+    cdef bint add(self, double time, const double[::1] y, const unsigned char[::1] seen) except -1
     cdef long row(self, long sample) noexcept
     cdef long usable(self) noexcept

@@ -30,7 +30,7 @@ cdef class RecentSamples:
         """Samples before the last one no longer count."""
         self.first = max(self.count - 1, 0)
 
-    def add(self, double time, const double[::1] y, const unsigned char[::1] seen):
+    cdef bint add(self, double time, const double[::1] y, const unsigned char[::1] seen) except -1:
         """Keep an observation if it is far enough from the last one and not empty; returns whether it was."""
         cdef long row, d, count = 0
         for d in range(seen.shape[0]):

@@ -18,8 +18,8 @@ cdef int ALONE = _ALONE
 #: In `used`, while it is decided what enters.
 cdef unsigned char MARKED = 2
 
-#: Columns of `doubt`, for each channel: for how long it has agreed with itself while it was left out, s (negative: it is
-#: not in doubt), its error and value when it was last looked at, and whether the doubt is new.
+#: Columns of `doubt`, for each channel: for how long it has agreed with itself while it was left out, s (negative: it
+#: is not in doubt), its error and value when it was last looked at, and whether the doubt is new.
 cdef enum:
     AGREED, ERROR, VALUE, NEW
 
@@ -140,8 +140,8 @@ cdef class Rejection:
             self.seen -= 1
 
     cdef bint readmit(self, const unsigned char[::1] observed, double squares) noexcept nogil:
-        """Are the others surprised as well, with the squared innovations ``squares``? Then it is the motion, and channels
-        that came into doubt just now enter after all; returns whether there are any."""
+        """Are the others surprised as well, with the squared innovations ``squares``? Then it is the motion, and
+        channels that came into doubt just now enter after all; returns whether that is so."""
         cdef int d
         if not self.rejected or not squares > self.rest * self.seen:
             return False

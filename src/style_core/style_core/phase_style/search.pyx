@@ -33,8 +33,8 @@ from style_core.phase_style.settings import (
     WINDOW,
 )
 
-__all__ = ['ANEW', 'BUDGET', 'EXPLAINS', 'FEW', 'GIVE_UP', 'LIMIT', 'LIVE', 'PATIENCE', 'REPLAY', 'SEARCH_S', 'START_COST',
-           'TAKE_OVER', 'WINDOW', 'Search']
+__all__ = ['ANEW', 'BUDGET', 'EXPLAINS', 'FEW', 'GIVE_UP', 'LIMIT', 'LIVE', 'PATIENCE', 'REPLAY', 'SEARCH_S',
+           'START_COST', 'TAKE_OVER', 'WINDOW', 'Search']
 
 
 cdef class Search:
@@ -60,6 +60,8 @@ cdef class Search:
     ----------
     course : Course
         The state, and the edges taken.
+    status : style_core.predictor.Status
+        What an estimate says of the state.
     searching : bool
         Whether hypotheses are compared.
     leader : Hypothesis or None
@@ -74,7 +76,7 @@ cdef class Search:
         Duration of this search, s.
     """
 
-    cdef readonly object course
+    cdef readonly object course, status
     cdef readonly bint searching, holding
     cdef readonly list hypotheses
     cdef readonly Hypothesis leader
@@ -115,7 +117,7 @@ cdef class Search:
         """Take the edge of an event; what the states mean for the hot path is kept beside them."""
         self.course.happen(event)
         state = self.course.state
-        self.searching, self.holding = state.searching, state is State.HOLDING
+        self.status, self.searching, self.holding = state.status, state.searching, state is State.HOLDING
         if self._kept is not None and not state.keeps:
             self._free[self._kept.behaviour].append(self._kept.filter)
             self._kept = None
@@ -259,8 +261,8 @@ cdef class Search:
             if self._rejects:
                 one.gate(LIMIT, FEW, EXPLAINS)
             first = max(samples.count - REPLAY, samples.first)
-            one.start(at - speed * (samples.last - samples.time[samples.row(first)]), speed, self._phase_variance[index],
-                      self._speed_variance[index])
+            one.start(at - speed * (samples.last - samples.time[samples.row(first)]), speed,
+                      self._phase_variance[index], self._speed_variance[index])
             self.hypotheses.append(Hypothesis(index, one, first, self._tail[index], found.prior[slot]))
             budget -= start
         return budget
@@ -384,6 +386,7 @@ cdef class Search:
         """Posterior probability of each behaviour by name; gaits of one behaviour count together."""
         cdef Hypothesis one, first = None
         cdef double total = 0, weight
+        cdef Py_ssize_t index
         self._weights[:] = 0
         for one in self.hypotheses:
             if one.weight:
@@ -391,8 +394,8 @@ cdef class Search:
                     first = one
                 weight = exp(min(max(one.lead(first), -50.0), 50.0))
                 self._weights[one.behaviour] = max(self._weights[one.behaviour], weight)
-        for weight in self._weights:
-            total += weight
+        for index in range(self._weights.shape[0]):
+            total += self._weights[index]
         if total == 0:  # nothing was judged yet
             return dict.fromkeys(self._gaits, 1 / <double>len(self._gaits))
         return {name: sum([self._weights[index] for index in gaits]) / total for name, gaits in self._gaits.items()}
