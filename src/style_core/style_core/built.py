@@ -15,7 +15,7 @@ def record_path(package):
 
 
 def digests(package):
-    """Hash of every .pyx of a package with the .h and .pxd beside it, and the .pxd at the top: dict of path to digest."""
+    """Hash of every .pyx of a package with the .h and .pxd beside it and the .pxd at the top, by relative path."""
     found, common = {}, sorted(package.glob('*.pxd'))
     for path in sorted(package.rglob('*.pyx')):
         beside = sorted([*path.parent.glob('*.h'), *path.parent.glob('*.pxd')])

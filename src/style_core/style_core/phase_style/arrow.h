@@ -36,7 +36,6 @@ typedef struct {
     coupled couple[MOST];
     /* linearisation: weights of bases and states, and the states' derivatives by phase */
     double w[MOST], s[MOST], by_phase[MOST], thin;
-    int entering, enters[MOST];  /* states that an observation sees: those with a weight or a derivative */
     cubic at;
     double delta[MOST];      /* change of the common state */
     double factor[MOST * MOST];  /* its covariance's root */

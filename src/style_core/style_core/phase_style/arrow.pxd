@@ -27,8 +27,6 @@ cdef extern from "arrow.h":
         double s[MOST]
         double by_phase[MOST]
         double thin
-        int entering
-        int enters[MOST]
         cubic at
         double delta[MOST]
         double factor[MOST * MOST]

@@ -151,7 +151,7 @@ static inline void NAME(arrow_step)(const arrow *f, double *A, double *V, double
 static inline void NAME(arrow_expect)(const arrow *f, const v4 *h, int block, const double *A, const double *u,
                                       v4 *g, v4 *row)
 {
-    const int m = f->m, styles = m - 2;
+    const int m = f->m, n = f->n, styles = m - 2;
     EACH {
         const cell *here = f->at.here + 2 * LANES * (styles + 1) * block + LANES / 2 * k;
         const cell *next = f->at.next + 2 * LANES * (styles + 1) * block + LANES / 2 * k;
@@ -168,8 +168,7 @@ static inline void NAME(arrow_expect)(const arrow *f, const v4 *h, int block, co
             s += w * s0;
             g[2 * (1 + j) + k] = value;
         }
-        for (int e = 0; e < f->entering; e++) {
-            const int a = f->enters[e];
+        for (int a = 0; a < n; a++) {
             states += f->s[a] * CROW(u, a)[k];
             turning += f->by_phase[a] * CROW(u, a)[k];
         }
@@ -180,10 +179,8 @@ static inline void NAME(arrow_expect)(const arrow *f, const v4 *h, int block, co
     for (int i = 0; i < m; i++) {
         v4 t[2];
         EACH t[k] = g[2 * i + k];
-        for (int e = 0; e < f->entering; e++) {
-            const int a = f->enters[e];
+        for (int a = 0; a < n; a++)
             EACH t[k] += f->s[a] * CROW(A, a * m + i)[k];
-        }
         EACH g[2 * i + k] = t[k];
     }
 }
@@ -196,10 +193,10 @@ static inline void NAME(arrow_variances)(const arrow *f, const double *V, const 
     for (int a = 0; a < n; a++) {
         v4 t[2];
         EACH t[k] = (v4){};
-        for (int e = 0; e < f->entering; e++) {
-            const int b = f->enters[e];
-            EACH t[k] += f->s[b] * CROW(V, a > b ? TRI(a, b) : TRI(b, a))[k];
-        }
+        for (int b = 0; b <= a; b++)
+            EACH t[k] += f->s[b] * CROW(V, TRI(a, b))[k];
+        for (int b = a + 1; b < n; b++)
+            EACH t[k] += f->s[b] * CROW(V, TRI(b, a))[k];
         EACH vs[2 * a + k] = t[k];
         EACH total[k] += f->s[a] * t[k];
     }
@@ -295,14 +292,15 @@ static void NAME(arrow_mean)(const arrow *f, const horizon *x, double *mean, dou
         const double *u = f->states + ((long)block * f->rows + arrow_u(f)) * LANES;
         const cell *here = x->at.here + 2 * LANES * (1 + styles) * block;
         const cell *next = x->at.next + 2 * LANES * (1 + styles) * block;
-        v4 states[2] = {}, moving[2] = {};
-        for (int a = 0; a < n; a++) {
-            const double s = x->s[a], rate = x->by_time[a];
+        v4 states[2] = {}, moving[2] = {}, turning[2] = {};
+        for (int a = 0; a < n; a++)
             EACH {
-                states[k] += s * CROW(u, a)[k];
-                moving[k] += rate * CROW(u, a)[k];
+                states[k] += x->s[a] * CROW(u, a)[k];
+                moving[k] += x->by_time[a] * CROW(u, a)[k];
             }
-        }
+        if (rows)
+            for (int a = 0; a < n; a++)
+                EACH turning[k] += x->by_phase[a] * CROW(u, a)[k];
         EACH {
             const int lane = LANES / 2 * k, left = f->channels - block * LANES - lane;
             v4 b[4] = {VALUE(here + lane, 0), SLOPE(here + lane, 0), VALUE(next + lane, 0), SLOPE(next + lane, 0)};
@@ -310,7 +308,7 @@ static void NAME(arrow_mean)(const arrow *f, const horizon *x, double *mean, dou
             for (int j = 1; j <= styles; j++)
                 NAME(add_basis)(b, x->w[j], here + lane, next + lane, j);
             const v4 row = CUBIC(h, b[0], b[1], b[2], b[3]);
-            v4 slope = CUBIC(h + 4, b[0], b[1], b[2], b[3]);
+            const v4 slope = CUBIC(h + 4, b[0], b[1], b[2], b[3]);
             NAME(put)(mean + block * LANES + lane, row + states[k], left);
             if (velocity)
                 NAME(put)(velocity + block * LANES + lane,
@@ -319,9 +317,7 @@ static void NAME(arrow_mean)(const arrow *f, const horizon *x, double *mean, dou
                 v4 *bases = (v4 *)rows + (1 + styles) * (2 * block + k);
                 for (int j = 1; j <= styles; j++)
                     bases[j] = NAME(basis)(h, here + lane, next + lane, j);
-                for (int a = 0; a < n; a++)
-                    slope += x->by_phase[a] * CROW(u, a)[k];
-                bases[0] = slope;
+                bases[0] = slope + turning[k];
             }
         }
     }
@@ -341,8 +337,6 @@ static inline __attribute__((always_inline)) void NAME(arrow_spread_at)(
             const horizon *at = x + h;
             const v4 slope = bases[0];
             v4 sum = CROW(constants, 0)[k] + at->wander * slope * slope;
-            for (int p = 0; p < f->parts; p++)
-                sum += at->fresh[p] * CROW(constants, 1 + p)[k];
             g[0][h][k] = slope;
             g[1][h][k] = at->ahead * slope;
             for (int j = 0; j < styles; j++) {
@@ -352,6 +346,9 @@ static inline __attribute__((always_inline)) void NAME(arrow_spread_at)(
             }
             total[h][k] = sum;
         }
+    for (int p = 0; p < f->parts; p++)
+        for (int h = 0; h < H; h++)
+            EACH total[h][k] += x[h].fresh[p] * CROW(constants, 1 + p)[k];
     for (int i = 0; i < m; i++) {
         v4 t[3][2];
         for (int h = 0; h < H; h++)

@@ -198,8 +198,8 @@ cdef class ArrowFilter(ArrowForecast):
                 self.f.decay[a], self.f.renewal[a] = left, 1 - left * left
 
     cdef void _weigh(self, double phase) noexcept nogil:
-        """How states enter an observation now, eq. (2), and which do at all."""
-        cdef int a, p
+        """How states enter an observation now, eq. (2)."""
+        cdef int p
         cdef double c[MOST]
         cdef double d[MOST]
         cdef const part* one
@@ -208,11 +208,6 @@ cdef class ArrowFilter(ArrowForecast):
         for p in range(f.parts):
             one = &self.parts[p]
             weights(one, c[one.harmonic], d[one.harmonic], f.s + one.first, f.by_phase + one.first)
-        f.entering = 0
-        for a in range(self.states):
-            if f.s[a] != 0 or f.by_phase[a] != 0:
-                f.enters[f.entering] = a
-                f.entering += 1
 
     cdef int _correct(self, const unsigned char[::1] observed, double dt) noexcept nogil:
         """Gate the observation and correct by it: eqs. (11) to (13), with the time step of the channels' own states."""

@@ -11,7 +11,7 @@ from style_core.phase_style.arrow cimport WIDEST, arrow_mean, arrow_spread, hori
 from style_core.phase_style.arrow_state cimport KNOTS, ArrowState
 from style_core.phase_style.basis_table cimport MOST, between
 from style_core.phase_style.memory cimport Sheet, check_horizons
-from style_core.phase_style.parts cimport ahead, part, size_of, turns, weights
+from style_core.phase_style.parts cimport ahead, part, turns, weights
 
 __all__ = ['ArrowForecast', 'TOO_FAR']
 
@@ -188,7 +188,7 @@ cdef class ArrowForecast(ArrowState):
         Those of parts that turn with the phase do by it and by how much is ``left``, the others as planned, and their
         derivative by phase stays 0.
         """
-        cdef int a, i, p
+        cdef int i, p
         cdef const double* s = left + self.f.parts
         cdef double c[MOST]
         cdef double d[MOST]
@@ -202,12 +202,13 @@ cdef class ArrowForecast(ArrowState):
         self._multiples(phase, c, d)
         for p in range(self.f.parts):
             one = &self.parts[p]
-            if turns(one):
+            if turns(one):  # such a part has two states; a loop over so few takes longer than all else here
+                i = one.first
                 weights(one, c[one.harmonic], d[one.harmonic], w, by_phase)
-                for a in range(size_of(one)):
-                    i = one.first + a
-                    x.s[i], x.by_phase[i] = left[p] * w[a], left[p] * by_phase[a]
-                    x.by_time[i] = x.speed * x.by_phase[i] - one.rate * x.s[i]
+                x.s[i], x.s[i + 1] = left[p] * w[0], left[p] * w[1]
+                x.by_phase[i], x.by_phase[i + 1] = left[p] * by_phase[0], left[p] * by_phase[1]
+                x.by_time[i] = x.speed * x.by_phase[i] - one.rate * x.s[i]
+                x.by_time[i + 1] = x.speed * x.by_phase[i + 1] - one.rate * x.s[i + 1]
 
     cdef void _forecast(self, const double[::1] horizons, double* mean, double* std,
                         double* velocity) noexcept nogil:
