@@ -47,6 +47,7 @@ typedef struct {
     double w[MOST], s[MOST], by_phase[MOST], by_time[MOST];
     const double *fresh;
     double ahead, speed, rho, style_rate, wander;
+    double apart[24];        /* horizons half a page apart would all lie in the same few lines of the cache */
 } horizon;
 
 /* First rows of what a block holds. */

@@ -293,6 +293,7 @@ cdef class Search:
         search."""
         cdef Hypothesis one, leader, best = None
         cdef list ready
+        cdef double take_over = TAKE_OVER
         self.since += dt
         if self._as_expected():
             return True
@@ -310,7 +311,7 @@ cdef class Search:
             self._happen(Event.ANEW)
             self._begin()
             return False
-        if self.leader is None or best.lead(leader) > TAKE_OVER:
+        if self.leader is None or best.lead(leader) > take_over:
             leader = best
         self.leader = leader
         if not self._is_over(leader, self._prune(ready, leader)):
@@ -369,8 +370,10 @@ cdef class Search:
         return clear
 
     cdef bint _is_over(self, Hypothesis leader, bint clear):
-        return leader.misfit / leader.weight < EXPLAINS and (
-            self.since >= SEARCH_S or (leader.count >= SHORTEST_SAMPLES and clear and self.since >= SHORTEST_S))
+        cdef double explains = EXPLAINS, longest = SEARCH_S, shortest = SHORTEST_S
+        cdef int samples = SHORTEST_SAMPLES
+        return leader.misfit / leader.weight < explains and (
+            self.since >= longest or (leader.count >= samples and clear and self.since >= shortest))
 
     cdef _drop_others(self):
         cdef Hypothesis one
