@@ -41,8 +41,10 @@ LEARNING = (
         for name in ('parts', 'basis_table', 'arrow_filter', 'arrow_state', 'arrow_forecast', 'rejection', 'memory')
         for kind in ('pxd', 'pyx')
     ),
+    'arrow.pxd',
     'arrow.h',
     'arrow_body.h',
+    'twice.h',
     'lanes.h',
     'lanes_body.h',
 )

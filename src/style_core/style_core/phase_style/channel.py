@@ -84,9 +84,9 @@ CHANNEL = (
 )
 
 
-def of_kind(kind):
-    """Ingredients of a kind."""
-    return tuple(one for one in CHANNEL if one.kind == kind)
+def of_kind(*kinds):
+    """Ingredients of some kinds."""
+    return tuple(one for one in CHANNEL if one.kind in kinds)
 
 
 #: The level that is a person's posture, and that takes over what a channel insists on.

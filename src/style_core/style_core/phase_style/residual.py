@@ -30,7 +30,7 @@ from style_core.phase_style.channel import CHANNEL, LeftOut, of_kind
 from style_core.phase_style.full import make_filter
 from style_core.phase_style.learning import factorise, speed_statistics
 from style_core.phase_style.model import Residual
-from style_core.phase_style.parts import CYCLE, LEVEL, SMOOTH
+from style_core.phase_style.parts import CYCLE, LEVEL, SMOOTH, SMOOTHER
 from style_core.phase_style.style_prior import person_weights, style_prior, styles_in_gait, whitened
 
 __all__ = ['HORIZONS', 'Shape', 'leave_out', 'residual_shape', 'learn_residual']
@@ -141,7 +141,7 @@ def residual_shape(sequences, aligned, folds, rhythmic):
     weights = np.array(weights) / np.sum(weights)
     *squares, noise = (np.tensordot(weights, np.array(part), axes=1) for part in zip(*parts))
     squares = {one.name: np.maximum(part, one.least) for one, part in zip(CHANNEL, squares)}
-    return Shape(squares, np.maximum(noise, 0.1 * sum(squares[one.name] for one in of_kind(SMOOTH))))
+    return Shape(squares, np.maximum(noise, 0.1 * sum(squares[one.name] for one in of_kind(SMOOTH, SMOOTHER))))
 
 
 #: Factors that may all grow together without a change of the criterion.
@@ -161,11 +161,11 @@ def _moves(shape):
     All variances against style prior and phase noise first; decays that matter at the shortest horizons before
     variances, those that matter at none after them. Ingredients that this shape does not have are not moved.
     """
-    def decays(kind):
-        return tuple((f'{one.name}_decay',) for one in of_kind(kind) if len(shape.squares[one.name]))
+    def decays(*kinds):
+        return tuple((f'{one.name}_decay',) for one in of_kind(*kinds) if len(shape.squares[one.name]))
 
     names = tuple(one.name for one in CHANNEL)
-    return ((*names, 'noise'), ('style',), ('noise',), *decays(SMOOTH),
+    return ((*names, 'noise'), ('style',), ('noise',), *decays(SMOOTH, SMOOTHER),
             *((name,) for name in names if len(shape.squares[name])),
             *decays(LEVEL), ('acceleration',), *decays(CYCLE), ('style_decay',))
 
