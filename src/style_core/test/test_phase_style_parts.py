@@ -1,5 +1,4 @@
 """Parts of a channel against what defines them, and everything that derives from the list of them."""
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +9,13 @@ from scipy.linalg import block_diag
 from test_phase_style_arrow import made_table
 from test_phase_style_full import made_person, walk  # noqa: F401 (fixture)
 
+from style_core import model_file
 from style_core.errors import ModelError
-from style_core.phase_style import FullPredictor, load_behaviours, save_behaviours
+from style_core.phase_style import KIND, FullPredictor, load_behaviours, save_behaviours
 from style_core.phase_style.arrow_filter import ArrowFilter
 from style_core.phase_style.channel import CHANNEL, covariances_of, parts_of
 from style_core.phase_style.full import PARTS
+from style_core.phase_style.model import restore_behaviours
 from style_core.phase_style.parts import CYCLE, LEVEL, SMOOTH, SMOOTHER, Part
 
 PARTS_OF_A_KIND = [Part(LEVEL, 0.7), Part(SMOOTH, 9.0), Part(SMOOTHER, 9.0), Part(CYCLE, 0.4, 3)]
@@ -115,11 +116,7 @@ def test_ingredients_in_a_file_are_those_that_were_saved_and_an_unknown_one_is_r
         assert saved.keys() == read.keys()
         for name in saved:
             np.testing.assert_array_equal(saved[name], read[name])
-    with np.load(tmp_path / 'm.npz') as file:
-        arrays = dict(file)
-    text, = (name for name, array in arrays.items() if array.dtype.kind == 'U')
-    header = json.loads(str(arrays[text]))
+    header, arrays = model_file.load_model(tmp_path / 'm.npz', KIND)
     header['behaviours'][0]['residual.wobble_decay'] = 1.0
-    np.savez(tmp_path / 'n.npz', **{**arrays, text: np.array(json.dumps(header))})
     with pytest.raises(ModelError, match='wobble'):
-        load_behaviours(tmp_path / 'n.npz')
+        restore_behaviours(header, arrays, 'it')
