@@ -6,7 +6,7 @@ from harness import ROOT, small_model
 from lock_step import LockStep, Motion, chain_of, judge
 
 from style_core.phase_style import load_behaviours
-from style_core.predictors import read_predictor
+from style_core.predictor_file import read_predictor
 from style_core.synthesis.performer import Performer, window_times
 from style_core.synthesis.retargeting import read_robot
 from style_core.synthesis.sources.phase_style import CycleSource

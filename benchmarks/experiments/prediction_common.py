@@ -32,18 +32,45 @@ LEARNING = (
     'residual.py',
     'bands.pyx',
     'full.py',
-    'table.py',
+    'style_prior.py',
+    'channel.py',
     'gaussian_process.py',
     'model.py',
-    'kernel.pyx',
-    'kernel.pxd',
-    'blocks.h',
-    'blocks_body.h',
+    *(
+        f'{name}.{kind}'
+        for name in ('parts', 'basis_table', 'arrow_filter', 'arrow_state', 'arrow_forecast', 'rejection', 'memory')
+        for kind in ('pxd', 'pyx')
+    ),
+    'arrow.pxd',
+    'arrow.h',
+    'arrow_body.h',
+    'twice.h',
+    'lanes.h',
+    'lanes_body.h',
 )
 #: Files beside that folder, and those that the weights of histories depend on as well.
-SHARED = ('alignment.py', 'effort/warping.py', 'effort/_warp.pyx')
-CORRECTING = ('histories.py', 'history_search.pyx', 'phase_style/corrected.py', 'phase_style/predictor.py',
-              'phase_style/search.pyx', 'phase_style/glance.pyx', 'phase_style/online.pyx', 'phase_style/gate.pyx')
+SHARED = ('alignment.py', 'small_matrices.pxd', 'effort/warping.py', 'effort/_warp.pyx')
+CORRECTING = (
+    'histories.py',
+    'history_search.pyx',
+    *(
+        f'phase_style/{name}'
+        for name in (
+            'with_histories.py',
+            'full_predictor.py',
+            'search.pyx',
+            'search_states.py',
+            'settings.py',
+            'candidates.pyx',
+            'hypothesis.pyx',
+            'recent_samples.pyx',
+            'glance.pyx',
+            'glance_body.h',
+            'loss.pyx',
+            'observation.pyx',
+        )
+    ),
+)
 ROOT = Path(__file__).resolve().parents[2]
 OUTPUT = ROOT / 'docs' / 'results' / 'prediction'
 MODELS = ROOT / '.cache' / 'bench_models'

@@ -29,10 +29,23 @@ from prediction_common import (
 )
 
 from style_core.evaluation import coverage, error_deg2, future, mask_out, paper_horizons, roll_out
-from style_core.phase_style import bands, full, glance, group_of, make_predictor, online, predictor, residual, search
+from style_core.phase_style import (
+    bands,
+    candidates,
+    full,
+    full_predictor,
+    glance,
+    group_of,
+    hypothesis,
+    loss,
+    make_predictor,
+    recent_samples,
+    residual,
+    search,
+)
 from style_core.report import Report
 
-#: constant -> values tried beside the shipped one; names in lower case are arguments of `online.InnovationMonitor`.
+#: constant -> values tried beside the shipped one; names in lower case are arguments of `loss.InnovationMonitor`.
 SEARCH = {
     'PHASES': (16, 64),
     'SPEEDS': ((0.0, -1.2, 1.2), (0.0, -0.6, 0.6, 1.2), (0.0, -2.4, 2.4, 4.8), (0.0, -1.2, 1.2, 2.4, -2.4, 3.6)),
@@ -61,7 +74,7 @@ SEARCH = {
 BANDS = {'MOST': (2.5, 10.0), 'MEMORY_S': (5.0, 20.0), 'FAR_S': (25 / 60, 100 / 60)}
 SILENCE = {'GAP_S': (1.0, 4.0)}
 RELEARNED = ('MOST', 'MEMORY_S')
-MODULES = (search, glance, predictor, online, bands, residual, full)
+MODULES = (search, hypothesis, candidates, recent_samples, glance, full_predictor, bands, residual, full)
 
 #: Shown of another person before a jump, watched after it at most, left after it at least, frames.
 BEFORE, AFTER, LEAST = 30, 120, 55
@@ -90,8 +103,8 @@ def changed(name, value):
         yield
         return
     if name.islower():
-        before = [(predictor, 'InnovationMonitor', predictor.InnovationMonitor)]
-        predictor.InnovationMonitor = lambda **given: online.InnovationMonitor(**{**given, name: value})
+        before = [(full_predictor, 'InnovationMonitor', full_predictor.InnovationMonitor)]
+        full_predictor.InnovationMonitor = lambda **given: loss.InnovationMonitor(**{**given, name: value})
     else:
         before = [(module, name, getattr(module, name)) for module in MODULES if hasattr(module, name)]
         for module, *_ in before:

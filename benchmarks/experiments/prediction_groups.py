@@ -14,7 +14,7 @@ from style_core import datasets
 from style_core.evaluation import coverage, error_deg2, paper_horizons, rms_deg, roll_out
 from style_core.model_file import read_header
 from style_core.predictor import Status
-from style_core.predictors import read_predictor
+from style_core.predictor_file import read_predictor
 from style_core.unknown import OpenPredictor, ShortRange, learn_short_range, read_short_range
 
 MODELS = ('locomotion', 'everyday')

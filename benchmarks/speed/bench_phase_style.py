@@ -21,11 +21,10 @@ import numpy as np  # noqa: E402  (after the thread settings)
 
 from style_core.baselines.regression import LinearLeastSquares  # noqa: E402
 from style_core.phase_style import FullPredictor, PaperPredictor, Sequence  # noqa: E402
-from style_core.phase_style.kernel import Table  # noqa: E402
+from style_core.phase_style.basis_table import Table, tabulate  # noqa: E402
 from style_core.phase_style.learning import align, bases_from  # noqa: E402
 from style_core.phase_style.model import load_behaviours  # noqa: E402
 from style_core.phase_style.residual import learn_residual  # noqa: E402
-from style_core.phase_style.table import tabulate  # noqa: E402
 from style_core.predictor import Status  # noqa: E402
 
 AHEAD = np.arange(1, 26) / 60

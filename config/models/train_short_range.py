@@ -13,7 +13,7 @@ import numpy as np
 from style_core.datasets import BODY, labels, trial, trial_path
 from style_core.evaluation import future
 from style_core.model_file import read_header, training_files
-from style_core.predictors import read_predictor
+from style_core.predictor_file import read_predictor
 from style_core.unknown.short_range import FRAME_S, LAGS, LEADS, ShortRange, learn_short_range
 
 HERE = Path(__file__).resolve().parent

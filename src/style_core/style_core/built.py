@@ -15,11 +15,11 @@ def record_path(package):
 
 
 def digests(package):
-    """Hash of every .pyx of a package with the .h and .pxd beside it: dict of relative path to digest."""
-    found = {}
+    """Hash of every .pyx of a package with the .h and .pxd beside it and the .pxd at the top, by relative path."""
+    found, common = {}, sorted(package.glob('*.pxd'))
     for path in sorted(package.rglob('*.pyx')):
         beside = sorted([*path.parent.glob('*.h'), *path.parent.glob('*.pxd')])
-        texts = [path.read_bytes()] + [other.read_bytes() for other in beside]
+        texts = [other.read_bytes() for other in (path, *beside, *common)]
         found[path.relative_to(package).as_posix()] = hashlib.sha256(b'\0'.join(texts)).hexdigest()
     return found
 

@@ -1,8 +1,8 @@
 """Which values of an observation to believe, for filters that know what they expect and how well.
 
-The rules are those of the full phase-style filter (`style_core.phase_style.kernel`, whose kernels hold their own): a
-joint far beyond what its variance allows is the sensor's fault where few joints are, and the motion's, or that of the
-whole message, where many are.
+The rules are those of the full phase-style filter (`style_core.phase_style.rejection`, compiled for its blocks of
+channels): a joint far beyond what its variance allows is the sensor's fault where few joints are, and the motion's, or
+that of the whole message, where many are.
 """
 import numpy as np
 

@@ -25,6 +25,10 @@ def test_changed_kernels_are_named_with_the_command(tmp_path):
         built.check(tmp_path)
     assert 'two.pyx' not in str(caught.value)
     record(tmp_path)
+    (tmp_path / 'common.pxd').write_text('cdef inline int f()')
+    with pytest.raises(ImportError, match=r'part/one\.pyx, two\.pyx changed'):  # what all kernels may share
+        built.check(tmp_path)
+    record(tmp_path)
     (folder / 'three.pyx').write_text('z = 1')
     with pytest.raises(ImportError, match=r'part/three\.pyx'):
         built.check(tmp_path)

@@ -23,12 +23,12 @@ from style_core.phase_style import (
     load_predictor,
     save_behaviours,
 )
-from style_core.phase_style.corrected import mixing_weights
 from style_core.phase_style.learning import align, bases_from
 from style_core.phase_style.model import Correction
 from style_core.phase_style.residual import learn_residual
+from style_core.phase_style.with_histories import mixing_weights
 from style_core.predictor import Status
-from style_core.predictors import read_predictor
+from style_core.predictor_file import read_predictor
 from style_core.stream.loading import load_live
 from style_core.unknown import OpenPredictor
 

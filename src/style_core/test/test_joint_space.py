@@ -19,7 +19,7 @@ from style_core.locomotion.learn import features_of
 from style_core.motion import Motion
 from style_core.phase_style import load_behaviours
 from style_core.predictor import Estimate, Prediction, Status
-from style_core.predictors import read_predictor
+from style_core.predictor_file import read_predictor
 from style_core.style_machine import Settings, learn, load, save
 from style_core.style_machine.online import StyleMachinePredictor
 from style_core.style_machine.synthesis import synthesize

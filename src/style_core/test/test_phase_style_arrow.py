@@ -4,9 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from style_core.phase_style.arrow_filter import ArrowFilter
+from style_core.phase_style.basis_table import Table, tabulate
 from style_core.phase_style.gaussian_process import PhaseProcess
-from style_core.phase_style.kernel import ArrowFilter, Table
-from style_core.phase_style.table import tabulate
+from style_core.phase_style.parts import CYCLE, LEVEL, SMOOTH, Part
 
 
 def made_table(rng, styles, channels, rhythmic=True):
@@ -14,6 +15,12 @@ def made_table(rng, styles, channels, rhythmic=True):
     processes = [PhaseProcess(grid, rng.standard_normal((24, channels)) * 0.2, np.array([1.0, 2.0, 1e2]), rhythmic)
                  for _ in range(styles + 1)]
     return Table(tabulate(processes, rhythmic))
+
+
+def made_filter(table, offset, fast, personal, noise, rates, acceleration, bounds):
+    parts = [(Part(LEVEL, rates[0]), offset), (Part(SMOOTH, rates[1]), fast),
+             *((Part(CYCLE, rates[2], k + 1), variance) for k, variance in enumerate(personal))]
+    return ArrowFilter(table, parts, noise, rates[3], acceleration, bounds)
 
 
 class Dense:
@@ -114,7 +121,7 @@ def both(rng, styles, channels, harmonics, acceleration=0.0, style_rate=0.0, rhy
     offset, fast, noise = rng.uniform(0.001, 0.05, (3, channels))
     personal = rng.uniform(0.001, 0.01, (harmonics, channels))
     rates = (0.3, 8.0, 0.1, style_rate)
-    one = ArrowFilter(table, offset, fast, personal, noise, rates, acceleration, (-100, 100))
+    one = made_filter(table, offset, fast, personal, noise, rates, acceleration, (-100, 100))
     two = Dense(table, offset, fast, personal, noise, rates, acceleration)
     for filt in (one, two):
         filt.start(1.0 if rhythmic else 0.4, 2.0 if rhythmic else 0.1, 0.02, 0.3)
@@ -177,7 +184,7 @@ def test_stays_close_to_the_dense_filter_with_all_noise():
     offset, fast, noise = np.full(6, 0.01), np.full(6, 0.005), np.full(6, 1e-4)
     personal = np.full((2, 6), 0.002)
     rates, q = (0.1, 6.0, 0.1, 0.1), 0.1
-    one = ArrowFilter(table, offset, fast, personal, noise, rates, q, (0, 20))
+    one = made_filter(table, offset, fast, personal, noise, rates, q, (0, 20))
     two = Dense(table, offset, fast, personal, noise, rates, q)
     weight = np.concatenate([[1], rng.standard_normal(2)])
     shift = 0.1 * rng.standard_normal(6)
@@ -223,9 +230,9 @@ def test_prediction_is_the_dense_one(harmonics):
     run_both(one, two, rng, 5)
     ahead = np.array([0.0, 0.02, 0.1, 0.4])
     mean, std, velocity = (np.empty((4, 3)) for _ in range(3))
-    one.predict(ahead, mean, std, velocity)
+    one.forecast_into(ahead, mean, std, velocity)
     later = [np.empty((4, 3)) for _ in range(3)]
-    one.predict(ahead + 1e-6, *later)
+    one.forecast_into(ahead + 1e-6, *later)
     np.testing.assert_allclose(velocity, (later[0] - mean) / 1e-6, atol=1e-4)
     x, p = two.x.copy(), two.p.copy()
     for h, tau in enumerate(ahead):
@@ -237,10 +244,10 @@ def test_prediction_is_the_dense_one(harmonics):
         np.testing.assert_allclose(std[h] ** 2, spread, rtol=1e-7)
 
 
-def followed(one, two, seconds=1.0, wrong=None, believe=(12.0, 0.25, 3.0, True), rate=60):
+def followed(one, two, seconds=1.0, wrong=None, gate=(12.0, 0.25, 3.0, True), rate=60):
     """Two filters over the same motion, the second undisturbed: how the first was disturbed by ``wrong(k, y)``."""
     rng = np.random.default_rng(1)
-    one.believe(*believe)
+    one.gate(*gate)
     for k in range(int(seconds * rate)):
         weight, shift = np.array([1, 0.5, -0.3]), np.linspace(-0.05, 0.05, one.channels)
         y = weight @ one.table.evaluate(1.0 + 2.0 * k / rate)[0] + shift + 0.01 * rng.standard_normal(one.channels)
@@ -259,7 +266,7 @@ def assert_same(one, two):
     np.testing.assert_array_equal(one.residuals, two.residuals)
 
 
-def test_what_is_believable_changes_nothing():
+def test_what_passes_the_gate_changes_nothing():
     one, two = pair()
     followed(one, two)
     assert one.rejected == 0 and one.seen == 8
@@ -267,7 +274,7 @@ def test_what_is_believable_changes_nothing():
 
 
 @pytest.mark.parametrize('value', [2.0, -1e3, 1e12])
-def test_a_channel_that_is_not_believed_is_as_if_it_were_not_observed(value):
+def test_a_channel_that_is_left_out_is_as_if_it_were_not_observed(value):
     one, two = pair()
 
     def broken(k, y):
@@ -333,7 +340,7 @@ def test_where_many_channels_are_out_it_is_the_motion(whole):
     def zero(k, y):
         return y + 5.0 if k == 59 else y
 
-    followed(one, two, seconds=1.0, wrong=zero, believe=(12.0, 0.25, 3.0, whole))
+    followed(one, two, seconds=1.0, wrong=zero, gate=(12.0, 0.25, 3.0, whole))
     assert (one.rejected, one.seen) == ((8, 0) if whole else (0, 8))
     assert np.isnan(one.innovation) == whole
     if whole:  # time has passed, and that is all
@@ -344,7 +351,7 @@ def test_where_many_channels_are_out_it_is_the_motion(whole):
 
 def test_of_three_channels_none_is_told_to_be_wrong_alone():
     one, two = pair(channels=3)
-    followed(one, two, wrong=lambda k, y: y + np.array([5.0, 0, 0]) * (k == 59), believe=(12.0, 0.25, 3.0, False))
+    followed(one, two, wrong=lambda k, y: y + np.array([5.0, 0, 0]) * (k == 59), gate=(12.0, 0.25, 3.0, False))
     assert one.rejected == 0 and one.seen == 3
 
 
@@ -397,9 +404,9 @@ def test_states_are_at_their_priors_from_the_start_on():
     for asked in (False, True):  # to be asked before the first update changes nothing
         one.start(1.0, 6.0, 0.3, 0.2)
         if asked:
-            said.append(one.ahead(ahead)[1])
+            said.append(one.forecast(ahead)[1])
         one.update(np.linspace(0, 1, 11), np.ones(11, np.uint8), 0.0)
-        said.append(one.ahead(ahead)[1])
+        said.append(one.forecast(ahead)[1])
     np.testing.assert_array_equal(said[0], said[2])
     assert said[1].mean() > said[2].mean()
 
@@ -421,7 +428,7 @@ def test_surprise_is_the_error_in_predicted_standard_deviations():
     one, two = pair()
     followed(one, two, seconds=0.5)
     before = one.marginal(0)
-    mean, std, _ = one.ahead(np.array([0.04]))
+    mean, std, _ = one.forecast(np.array([0.04]))
     y = mean[0] + np.array([1, -2, 3, 0, 1, 1, np.nan, 1]) * std[0]
     observed = np.array([1, 1, 1, 1, 0, 0, 0, 0], np.uint8)
     assert one.surprise(y, observed, 0.04) == pytest.approx((1 + 4 + 9) / 4)

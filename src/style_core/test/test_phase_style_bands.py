@@ -35,7 +35,7 @@ class Prophet:
     def __init__(self, std):
         self.std = std
 
-    def predict(self, horizons, mean, std, velocity):
+    def forecast_into(self, horizons, mean, std, velocity):
         mean[:], std[:], velocity[:] = 0.0, self.std, 0.0
 
 

@@ -9,12 +9,14 @@ from test_phase_style_learning import made_cycle, made_sequence
 
 from style_core.errors import ModelError
 from style_core.phase_style import FullPredictor, PaperPredictor, load_predictor, save_behaviours
+from style_core.phase_style.arrow_filter import ArrowFilter
+from style_core.phase_style.arrow_state import Filter
 from style_core.phase_style.full import still_behaviour
 from style_core.phase_style.glance import Glance
-from style_core.phase_style.kernel import ArrowFilter, Filter
+from style_core.phase_style.hypothesis import Hypothesis
 from style_core.phase_style.learning import Sequence, align, bases_from, learn
 from style_core.phase_style.residual import learn_residual, leave_out
-from style_core.phase_style.search import BUDGET, CORRELATED, GLANCE_COST, MEMORY, START_COST, Track
+from style_core.phase_style.settings import BUDGET, CORRELATED, GLANCE_COST, MEMORY, START_COST
 from style_core.predictor import Status
 
 NAMES = [f'j{k}' for k in range(6)]
@@ -269,10 +271,10 @@ def test_a_phase_that_stands_at_its_slowest_is_lost_whatever_the_innovations_say
 
 
 def judged(innovations, logs=0.0, tail=1e12, prior=0.0, seen=50):
-    track = Track(0, Filter(), 0, tail, prior)
+    one = Hypothesis(0, Filter(), 0, tail, prior)
     for innovation in innovations:
-        track.weigh(innovation, logs, seen)
-    return track
+        one.weigh(innovation, logs, seen)
+    return one
 
 
 def test_hypotheses_are_judged_by_their_likelihood_where_sizes_are_known():
@@ -318,15 +320,16 @@ def test_from_standing_to_walking_to_jumping(walk, jump):
 
 def test_standing_wanders_as_the_slow_offset_that_wanders_least(walk):
     residual = walk.residual
-    slow = replace(walk, name='slow', residual=replace(residual, offset_decay=0.1 * residual.offset_decay))
+    slow = replace(walk, name='slow', residual=replace(
+        residual, decay={**residual.decay, 'offset': 0.1 * residual.decay['offset']}))
     for behaviours in ([walk], [walk, slow], [slow, walk]):
         still = still_behaviour(behaviours).residual
-        least = min(one.residual.offset_decay for one in behaviours)
+        least = min(one.residual.decay['offset'] for one in behaviours)
         t = 1e-3
         moved, allowed = (np.mean(2 * variance * -np.expm1(-decay * t)) for variance, decay in (
-            (still.offset, still.offset_decay), (residual.offset, least)))
+            (still.variance['offset'], still.decay['offset']), (residual.variance['offset'], least)))
         assert moved == pytest.approx(allowed, rel=1e-3)
-        assert still.offset_decay < least  # its posture varies more, and so it comes back more slowly
+        assert still.decay['offset'] < least  # its posture varies more, and so it comes back more slowly
 
 
 def test_standing_still_is_predicted_as_standing(walk):
@@ -457,7 +460,7 @@ class CountedGlance(Glance):
 @pytest.mark.parametrize('rate', [60.0, 240.0])
 def test_work_on_one_observation_is_bounded(walk, jump, rate, monkeypatch):
     monkeypatch.setattr('style_core.phase_style.full.ArrowFilter', CountedFilter)
-    monkeypatch.setattr('style_core.phase_style.predictor.Glance', CountedGlance)
+    monkeypatch.setattr('style_core.phase_style.full_predictor.Glance', CountedGlance)
     predictor = FullPredictor([walk, jump])
     predictor.reset()
     people = [made_person(f'n{k}_1', 5 + 0.4 * k, 0.2 * k, 50 + k, shift=2 * k, seconds=1.5, rate=rate)[0].y
@@ -465,7 +468,7 @@ def test_work_on_one_observation_is_bounded(walk, jump, rate, monkeypatch):
     most, glances = 0, 0
     for frame, y in enumerate(np.concatenate(people)):
         DONE.clear()
-        searches = predictor._searching
+        searches = predictor._search.searching
         predictor.update(frame / rate, y)
         work = sum(cost for _, cost in DONE)
         assert work <= BUDGET + 1e-9

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from style_core.phase_style.basis_table import BasisTable
 from style_core.phase_style.glance import PHASES, Glance
-from style_core.phase_style.table import BasisTable
 
 NODES = 128
 
@@ -23,7 +23,7 @@ def made(seed, channels, rhythmic=True, high=9.0, limit=np.inf):
     offset, fast, personal, noise = rng.uniform(0.01, 0.1, (4, channels))
     behaviour = SimpleNamespace(
         rhythmic=rhythmic, velocity=np.array([6.0, 0.5, 4.0, high]),
-        residual=SimpleNamespace(offset=offset, fast=fast, personal=personal, noise=noise))
+        residual=SimpleNamespace(variance={'offset': offset, 'fast': fast, 'personal': personal}, noise=noise))
     glance = Glance(behaviour, BasisTable(values, np.zeros_like(values), np.zeros((NODES + 1, 3)), rhythmic), limit)
     posture = np.sum(values[:, 1:] ** 2, axis=1) + offset + fast + personal
     return glance, values[:, 0], posture, fast + noise + 0.5 * personal

@@ -12,10 +12,10 @@ from style_core import model_file
 from style_core.alignment import cycle_shift, fit_cycle, harmonic_design, period
 from style_core.errors import ModelError, MotionError
 from style_core.phase_style import Sequence, learn, load_behaviours, save_behaviours
-from style_core.phase_style.full import gaits_of, style_prior, styles_in_gait
+from style_core.phase_style.basis_table import NODES, tabulate
 from style_core.phase_style.gaussian_process import embed, fit_process, negative_log_marginal
 from style_core.phase_style.learning import align_discrete, align_rhythmic, choose_dimension, factorise, split_gaits
-from style_core.phase_style.table import NODES, tabulate
+from style_core.phase_style.style_prior import gaits_of, style_prior, styles_in_gait
 
 
 def made_cycle(phase, style=0.0):
@@ -175,7 +175,7 @@ def test_table_is_close_to_the_processes(rhythmic):
     phase = np.linspace(0, span, 100, endpoint=not rhythmic)
     outputs = np.stack([np.sin(2 * np.pi * k * phase / span + k) / k for k in range(1, 7)], axis=1)
     process = fit_process(phase, outputs, rhythmic)
-    from style_core.phase_style.kernel import Table
+    from style_core.phase_style.basis_table import Table
     table = Table(tabulate([process], rhythmic))
     at = np.random.default_rng(0).uniform(0, span, 300)
     value, slope, _ = process.evaluate(at)

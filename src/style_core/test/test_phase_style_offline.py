@@ -12,9 +12,9 @@ from style_core.errors import MotionError
 from style_core.formats import read_motion, write_motion
 from style_core.motion import Motion
 from style_core.phase_style import load_behaviours, save_behaviours
+from style_core.phase_style.basis_table import Table
 from style_core.phase_style.full import filter_table
-from style_core.phase_style.kernel import Table
-from style_core.phase_style.paper import batch_em
+from style_core.phase_style.matsubara_predictor import batch_em
 from style_core.phase_style.smoother import _pieces, fill, smooth_piece
 
 
@@ -27,13 +27,14 @@ def test_smoother_is_the_dense_batch_gaussian(walk):  # noqa: F811
     phase, velocity = 1.0 + 5.7 * times, np.full(14, 5.7)
     from dataclasses import replace
     # without a personal cycle and with a single iteration the linearisation is at the phases given
-    plain = replace(walk, residual=replace(walk.residual, personal=np.zeros(6), style_decay=0.0))
+    plain = replace(walk, residual=replace(
+        walk.residual, variance={**walk.residual.variance, 'personal': np.zeros(6)}, style_decay=0.0))
     found = smooth_piece(plain, times, y, phase, velocity, iterations=1)
     table = Table(filter_table(plain))
     r = plain.residual
     # states at unit scale: phase, velocity, z, (offset, fast, its velocity) a channel
-    dense = Dense(table, r.offset, r.fast, np.zeros((0, 6)), r.noise, (r.offset_decay, r.fast_decay, 0.1, 0.0),
-                  plain.acceleration)
+    dense = Dense(table, r.variance['offset'], r.variance['fast'], np.zeros((0, 6)), r.noise,
+                  (r.decay['offset'], r.decay['fast'], 0.1, 0.0), plain.acceleration)
     dense.start(phase[0], plain.velocity[0], 1.0, plain.velocity[1] ** 2 + 1e-6)
     size, count = len(dense.x), len(times)
     mean, covariance = np.zeros(size * count), np.zeros((size * count, size * count))

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from test_phase_style_learning import made_cycle, made_sequence
 
 from style_core.phase_style import PaperPredictor, Sequence, learn
-from style_core.phase_style.kernel import PaperFilter, Table
-from style_core.phase_style.table import NODES, BasisTable
+from style_core.phase_style.basis_table import NODES, BasisTable, Table
+from style_core.phase_style.matsubara_filter import MatsubaraFilter
 from style_core.predictor import Status
 
 NAMES = [f'j{k}' for k in range(6)]
@@ -33,7 +33,7 @@ def test_filter_on_a_linear_model_is_the_kalman_filter_whatever_is_masked(seed):
     channels = 5
     base, slope = np.round(1024 * rng.standard_normal((2, 1, channels))) / 1024  # a table holds these exactly
     noise = rng.uniform(0.05, 0.2, channels)
-    one = PaperFilter(linear_table(base, slope), noise, 0.01, np.ones(1), 1 - 1e-12, 1 / 60)
+    one = MatsubaraFilter(linear_table(base, slope), noise, 0.01, np.ones(1), 1 - 1e-12, 1 / 60)
     one.start(0.5, 0.0, 1e-3, 1e-3)
     x, p = np.array([0.5, 0.0]), np.diag([1e-3, 1e-3])
     true = 0.5
@@ -62,9 +62,9 @@ def test_filter_on_a_linear_model_is_the_kalman_filter_whatever_is_masked(seed):
 
 
 def run_filter(behaviour, y, forgetting, observed=None):
-    from style_core.phase_style.table import tabulate
+    from style_core.phase_style.basis_table import tabulate
     table = Table(tabulate(behaviour.processes(), True))
-    one = PaperFilter(table, behaviour.noise, behaviour.acceleration, behaviour.styles.mean(0), forgetting, 1 / 60)
+    one = MatsubaraFilter(table, behaviour.noise, behaviour.acceleration, behaviour.styles.mean(0), forgetting, 1 / 60)
     one.start(1.0, 5.0, 0.1, 0.1)
     phases, styles = [], []
     for k, row in enumerate(y):

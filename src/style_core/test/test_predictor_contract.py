@@ -13,7 +13,7 @@ from style_core.cli.registry import KIND_COMMANDS
 from style_core.formats import read_motion
 from style_core.phase_style import METHODS
 from style_core.predictor import Status
-from style_core.predictors import KINDS, read_predictor
+from style_core.predictor_file import KINDS, read_predictor
 
 #: what every sequence is run with: each kind, each method of it, and recorded motion where a file can hold it
 CASES = [(kind, METHODS[0], '') for kind in KINDS] + [('phase-style', method, '') for method in METHODS[1:]] \

@@ -6,7 +6,7 @@ from style_core import datasets
 from style_core.errors import MotionError
 from style_core.evaluation import coverage, error_deg2, paper_horizons, roll_out
 from style_core.predictor import Status
-from style_core.predictors import read_predictor
+from style_core.predictor_file import read_predictor
 
 try:
     PRESENT = {row.name for row in datasets.labels()}

@@ -311,7 +311,7 @@ class Runs:
     # --- streams ----------------------------------------------------------------------------------------------------
 
     def _streams(self, rng):
-        from style_core.predictors import read_predictor
+        from style_core.predictor_file import read_predictor
         kind = str(rng.choice(['phase-style', 'locomotion', 'style-machine']))
         predictor = read_predictor(self.models[kind]).predictor
         motion = read_motion(self.models[kind].with_name(f'{kind}.csv')).joints(list(predictor.joint_names))

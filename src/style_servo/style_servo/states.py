@@ -1,8 +1,6 @@
 """The bridge's states and every way between them. Code, documentation and the coverage report read this one table."""
 import enum
 
-from style_core.errors import UsageError
-
 __all__ = ['State', 'Event', 'EDGES', 'StateMachine', 'mermaid']
 
 
@@ -93,11 +91,6 @@ class StateMachine:
         self.taken[key] = self.taken.get(key, 0) + 1
         self.state = EDGES[key]
         return True
-
-    def require(self, event, what):
-        """Take the edge of an event; raises UsageError when there is none."""
-        if not self.happen(event):
-            raise UsageError(f'cannot {what} while {self.state.name}')
 
 
 def mermaid():

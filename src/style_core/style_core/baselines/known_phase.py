@@ -4,8 +4,7 @@ import numpy as np
 
 from style_core.baselines.pose_keeper import PoseKeeper
 from style_core.baselines.regression import FadingLeastSquares
-from style_core.phase_style.kernel import Table
-from style_core.phase_style.table import tabulate
+from style_core.phase_style.basis_table import Table, tabulate
 
 __all__ = ['KnownPhase']
 

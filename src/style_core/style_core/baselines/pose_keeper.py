@@ -3,7 +3,7 @@
 import numpy as np
 
 from style_core.errors import MotionError
-from style_core.phase_style.gate import ObservationGate
+from style_core.phase_style.observation import ObservationChecker
 from style_core.predictor import Estimate, Prediction, Status
 
 __all__ = ['PoseKeeper']
@@ -24,23 +24,23 @@ class PoseKeeper:
         self._rest = np.zeros(len(self.joint_names)) if rest is None else np.array(rest, dtype=float)
         if self._rest.shape != (len(self.joint_names),) or not np.isfinite(self._rest).all():
             raise MotionError(f'rest pose must be {len(self.joint_names)} finite numbers')
-        self._gate = ObservationGate(len(self.joint_names))
+        self._observation = ObservationChecker(len(self.joint_names))
         self.reset()
 
     def reset(self):
         """Forget everything observed."""
-        self._gate.reset()
+        self._observation.reset()
         self._pose = self._rest.copy()
         self._observed = np.zeros(len(self.joint_names), dtype=bool)
 
     @property
     def _time(self):
-        return self._gate.time
+        return self._observation.time
 
     def update(self, time, y, mask=None):
         """Take one observation (see `OnlinePredictor.update`)."""
-        elapsed = self._gate.take(time, y, mask)
-        y, observed = self._gate.y, self._gate.flags()
+        elapsed = self._observation.check(time, y, mask)
+        y, observed = self._observation.y, self._observation.flags()
         self._observed = observed
         self._take(elapsed, np.where(observed, y, self._pose), observed)
         mean, std = self._filled(), np.full(len(y), np.nan)

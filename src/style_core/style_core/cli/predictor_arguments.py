@@ -7,7 +7,7 @@ from style_core.errors import MotionError, UsageError
 from style_core.motion import matching_names
 from style_core.phase_style import KIND, METHODS
 from style_core.phase_style.full import PARTS
-from style_core.predictors import read_predictor
+from style_core.predictor_file import read_predictor
 
 __all__ = ['add_reading', 'add_method', 'predictor_of', 'fitted', 'hide']
 

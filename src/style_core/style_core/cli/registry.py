@@ -32,7 +32,7 @@ TRAINERS = {
                    'style_core.cli.train_locomotion'),
 }
 
-#: kinds that hold an on-line predictor (`style_core.predictors`)
+#: kinds that hold an on-line predictor (`style_core.predictor_file`)
 _PREDICTING = ('phase-style', 'locomotion', 'style-machine')
 
 #: Commands that work on a model file: command -> {kind: module path}. A command without a kind is not offered.

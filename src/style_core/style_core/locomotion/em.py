@@ -4,15 +4,14 @@ The model (Pan and Torresani 2009, section 2; docs/locomotion.md derives every l
 C styles, and for each style a latent cycle of M positions that all recordings of that style repeat.
 
 - latent cycle c, feature f: ``z ~ N(m0_f, A^-1)``, ``A = coupling I + smoothing L``, ``m0 = coupling A^-1 parent``,
-with L
-  the Laplacian of the ring of M positions. (The normalised form of the product of a chain and a pull to the parent.)
+  with L the Laplacian of the ring of M positions. (The normalised form of the product of a chain and a pull to the
+  parent.)
 - recording k: label ``l ~ weights``; position ``pi_1`` uniform, then advancing by 1 .. J with probabilities
-``jumps[k]``;
-  ``x_i ~ N(z^l[pi_i], 1 / precision[l])``, feature by feature, so that a missing entry is marginalised by leaving it
-  out.
+  ``jumps[k]``; ``x_i ~ N(z^l[pi_i], 1 / precision[l])``, feature by feature, so that a missing entry is marginalised by
+  leaving it out.
 
-Mean field ``Q = prod_k Q(path k) Q(label k) prod_c Q(cycle c)``. Every ``update_*`` function raises `bound` or
-leaves it.
+Mean field ``Q = prod_k Q(path k) Q(label k) prod_c Q(cycle c)``. Every ``update_*`` function raises `bound` or leaves
+it.
 """
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace

@@ -9,7 +9,7 @@ from style_core.locomotion.infer import fillable
 from style_core.locomotion.personal import Personal, departure
 from style_core.locomotion.synthesis import prototypes
 from style_core.outliers import FAREWELL_S, Doubt
-from style_core.phase_style.gate import ObservationGate
+from style_core.phase_style.observation import ObservationChecker
 from style_core.predictor import Estimate, Prediction, Status
 
 __all__ = ['LocomotionPredictor', 'fill_causally']
@@ -83,12 +83,12 @@ class LocomotionPredictor(InJointSpace):
         # what a person nobody has seen may differ by, before it is known
         nothing = np.zeros((n_positions, len(columns)))
         self._stranger = departure(self._personal, nothing, nothing).variance.mean(axis=0)
-        self._gate = ObservationGate(len(columns))
+        self._observation = ObservationChecker(len(columns))
         self._doubts = Doubt(len(columns))
         self.reset()
 
     def _reset(self):
-        self._gate.reset()
+        self._observation.reset()
         self._forget()
 
     def _forget(self):
@@ -113,9 +113,9 @@ class LocomotionPredictor(InJointSpace):
         self._rest_variance = self._personal.noise.copy()
 
     def _update(self, time, y, mask):
-        first = self._gate.time is None
-        elapsed = self._gate.take(time, y, mask)
-        y, seen = self._gate.y, self._gate.flags()
+        first = self._observation.time is None
+        elapsed = self._observation.check(time, y, mask)
+        y, seen = self._observation.y, self._observation.flags()
         if first:
             elapsed = 1 / self._rate_hz
         else:
@@ -130,7 +130,7 @@ class LocomotionPredictor(InJointSpace):
             seen = self._believed(y, seen, expected, spread, elapsed)
         if self._doubts.out_s > FAREWELL_S:     # nothing fits any more: start anew, at the same time
             self._forget()
-            seen = self._gate.flags()
+            seen = self._observation.flags()
             expected, spread = self._mixture(self._prob.sum(axis=1).reshape(-1))
         if seen.any():
             gap = (y - expected - self._rest)[seen]
@@ -185,7 +185,7 @@ class LocomotionPredictor(InJointSpace):
         log_memory = np.log(np.maximum(self._personal.memory, 1e-30)) * self._rate_hz
         fade = np.exp(log_memory * np.minimum(horizons, 1e6)[:, None])
         noise = (1 - fade**2) * self._excess * self._personal.noise
-        return Prediction((self._gate.time or 0.0) + horizons, expected + fade * self._rest,
+        return Prediction((self._observation.time or 0.0) + horizons, expected + fade * self._rest,
                           np.sqrt(spread + fade**2 * self._rest_variance + noise),
                           pushed @ slope + log_memory * fade * self._rest)
 
@@ -265,9 +265,9 @@ class LocomotionPredictor(InJointSpace):
         self._total[style] += (
             share[:, None] * (worth * np.where(seen, y, 0.0)) - share[:, None] * worth * self._cycles[style]
         )
-        if self._gate.time - self._personal_time < _PERSONAL_EVERY_S:
+        if self._observation.time - self._personal_time < _PERSONAL_EVERY_S:
             return
-        self._personal_time = self._gate.time
+        self._personal_time = self._observation.time
         found = departure(self._personal, self._count[style], self._total[style])
         self._own[style] = self._cycles[style] + found.mean
         self._own_square[style] = self._own[style]**2
@@ -302,7 +302,7 @@ class LocomotionPredictor(InJointSpace):
         styles = self._prob.sum(axis=(1, 2))
         styles = styles / styles.sum()
         return Estimate(
-            self._gate.time, phase, velocity, covariance, styles, np.diag(styles) - np.outer(styles, styles),
+            self._observation.time, phase, velocity, covariance, styles, np.diag(styles) - np.outer(styles, styles),
             expected + self._rest, np.sqrt(spread + self._rest_variance), seen, innovation, log_likelihood,
             self._status(), dict(zip(self.style_names, map(float, styles))))
 

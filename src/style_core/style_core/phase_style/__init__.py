@@ -1,7 +1,8 @@
 """Phase and style: learning the model of Matsubara et al. (2012), predicting with it and with the full filter."""
 from style_core.errors import UsageError
-from style_core.phase_style.corrected import CorrectedPredictor, learn_correction
+from style_core.phase_style.full_predictor import FullPredictor
 from style_core.phase_style.learning import Sequence, group_of, learn
+from style_core.phase_style.matsubara_predictor import PaperPredictor
 from style_core.phase_style.model import (
     KIND,
     Behaviour,
@@ -11,8 +12,7 @@ from style_core.phase_style.model import (
     load_parts,
     save_behaviours,
 )
-from style_core.phase_style.paper import PaperPredictor
-from style_core.phase_style.predictor import FullPredictor
+from style_core.phase_style.with_histories import CorrectedPredictor, learn_correction
 
 __all__ = ['KIND', 'METHODS', 'Behaviour', 'Correction', 'CorrectedPredictor', 'FullPredictor', 'PaperPredictor',
            'Residual', 'Sequence', 'group_of', 'learn', 'learn_correction', 'load_behaviours', 'load_parts',

@@ -97,7 +97,7 @@ cdef class Bands:
     cdef bint _calibrated
     cdef list _curves, _levels      # of each behaviour
     cdef double[::1] _age           # how long each joint has been in the dark, s
-    cdef object _track              # whose prediction is kept
+    cdef object _one                # hypothesis whose prediction is kept
     cdef double _due                # when it will be checked, s
     cdef object _kept               # mean, std and velocity, each (1, D)
     cdef double[:, :, ::1] _expected
@@ -125,7 +125,7 @@ cdef class Bands:
     cpdef forget(self):
         """Forget the person."""
         cdef Level level
-        self._track, self._due = None, INFINITY
+        self._one, self._due = None, INFINITY
         for level in self._levels:
             level.reset()
 
@@ -135,13 +135,13 @@ cdef class Bands:
         for d in range(seen.shape[0]):
             self._age[d] = 0.0 if seen[d] else self._age[d] + dt
 
-    def follow(self, track, double time, const double[::1] y, const unsigned char[::1] seen):
+    def follow(self, one, double time, const double[::1] y, const unsigned char[::1] seen):
         """Check the prediction that is due, if any, and keep the next one of the filter that leads."""
         cdef int d, count = 0
         cdef double late, ratio, total = 0, lead = LEAD_S
         cdef Level level
-        if track is not self._track:
-            self._track, self._due = track, INFINITY
+        if one is not self._one:
+            self._one, self._due = one, INFINITY
         late = time - self._due  # -inf: nothing is kept yet
         if -INFINITY < late < -1e-9:
             return
@@ -152,9 +152,9 @@ cdef class Bands:
                     total += ratio * ratio
                     count += 1
             if count:
-                level = self._levels[track.behaviour]
+                level = self._levels[one.behaviour]
                 level.add(total / count, count / <double>seen.shape[0], lead + late)
-        track.filter.predict(self._lead, *self._kept)
+        one.filter.forecast_into(self._lead, *self._kept)
         self._watched[:] = seen
         self._due = time + lead
 

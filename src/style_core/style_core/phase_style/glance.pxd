@@ -1,7 +1,6 @@
 """What a search asks of a glance."""
 
-cdef extern from "blocks.h":
-    enum: LANES
+cdef extern from "glance.h":
     ctypedef struct glance:
         int blocks, nodes, samples
         const float *mean
@@ -29,7 +28,7 @@ cdef class Glance:
 
     cpdef peaks(self, const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back, int speeds,
                 double[:, ::1] scores, double[:, ::1] phases)
-    cdef double _take(self, const double[:, ::1] y, const unsigned char[:, ::1] observed) except *
+    cdef double _lay_out(self, const double[:, ::1] y, const unsigned char[:, ::1] observed) except *
     cdef void _rank(self, const double[::1] back, double velocity, double constant) noexcept nogil
     cdef void _best(self, int samples, double[::1] scores, double[::1] phases) noexcept nogil
     cdef double _rate(self) noexcept nogil

@@ -4,16 +4,15 @@ import numpy as np
 from libc.math cimport INFINITY, NAN, isnan
 from libc.string cimport memset
 
-from style_core.phase_style.kernel cimport TWO_PI, aligned_single, wrapped
+from style_core.phase_style.basis_table cimport LANES, TWO_PI, wrapped
+from style_core.phase_style.channel import CHANNEL
+from style_core.phase_style.memory cimport aligned_single
+from style_core.phase_style.settings import PHASES, SPEEDS
 
-cdef extern from "blocks.h":
+cdef extern from "glance.h":
     void glance_scores(glance*, int, const int*, double*) noexcept nogil
 
 __all__ = ['PHASES', 'SPEEDS', 'Glance']
-
-#: Phases tried a behaviour, and speeds as multiples of the training spread around the mean.
-PHASES = 32
-SPEEDS = (0.0, -1.2, 1.2, 2.4)
 
 cdef enum:
     SAMPLES = 32  # that a glance can look at
@@ -47,8 +46,11 @@ cdef class Glance:
     def __init__(self, behaviour, table, double limit=INFINITY):
         cdef Py_ssize_t width
         residual = behaviour.residual
-        posture = np.sum(table.values[:, 1:] ** 2, axis=1) + residual.offset + residual.fast + residual.personal
-        change = residual.fast + residual.noise + 0.5 * residual.personal
+        posture, change = np.sum(table.values[:, 1:] ** 2, axis=1), residual.noise
+        for one in CHANNEL:
+            if one.name in residual.variance:
+                posture = posture + residual.variance[one.name]
+                change = change + one.quick * residual.variance[one.name]
         mean, spread, low, high = behaviour.velocity
         if high <= 0:
             self.phases, self.speeds, self.width = np.zeros(1), [0.0], 0.1
@@ -109,7 +111,7 @@ cdef class Glance:
         -------
         ndarray, shape (P,)
         """
-        self._rank(back, velocity, self._take(y, observed))
+        self._rank(back, velocity, self._lay_out(y, observed))
         return np.array(self._scores)
 
     cpdef peaks(self, const double[:, ::1] y, const unsigned char[:, ::1] observed, const double[::1] back, int speeds,
@@ -126,7 +128,7 @@ cdef class Glance:
             rest of the scores is NaN.
         """
         cdef int k
-        cdef double constant = self._take(y, observed)
+        cdef double constant = self._lay_out(y, observed)
         for k in range(speeds):
             self._rank(back, self._speeds[k], constant)
             self._best(y.shape[0], scores[k], phases[k])
@@ -154,7 +156,7 @@ cdef class Glance:
             if i < most:
                 scores[i], phases[i] = score, self._phases[k]
 
-    cdef double _take(self, const double[:, ::1] y, const unsigned char[:, ::1] observed) except *:
+    cdef double _lay_out(self, const double[:, ::1] y, const unsigned char[:, ::1] observed) except *:
         """Lay out the samples; returns the part of -2 log likelihood that no phase changes."""
         cdef int k, d, count, samples = y.shape[0]
         cdef long at

@@ -6,6 +6,7 @@ import numpy as np
 
 from style_core.alignment import cycle_shift, fit_cycle, harmonic_design, period, refine_phase
 from style_core.errors import MotionError
+from style_core.phase_style.channel import NOISE_FLOOR
 from style_core.phase_style.gaussian_process import fit_process
 from style_core.phase_style.model import Behaviour
 
@@ -14,8 +15,6 @@ __all__ = ['Sequence', 'Aligned', 'align_rhythmic', 'align_discrete', 'factorise
 
 HARMONICS = 6
 SAMPLES = 100
-#: Channels that hardly move still get this variance, rad^2, so that no channel is trusted without bound.
-NOISE_FLOOR = 1e-6
 
 
 @dataclass(frozen=True, eq=False)

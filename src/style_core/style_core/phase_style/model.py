@@ -1,12 +1,13 @@
 """The learned phase-style model of one behaviour, and the file that holds one or several of them."""
 from dataclasses import dataclass, fields
-from typing import Optional, Tuple
+from typing import Mapping, Optional, Tuple
 
 import numpy as np
 
 from style_core import model_file
 from style_core.errors import ModelError
 from style_core.histories import Histories
+from style_core.phase_style.channel import CHANNEL
 from style_core.phase_style.gaussian_process import PhaseProcess
 
 __all__ = ['KIND', 'Behaviour', 'Correction', 'Residual', 'save_behaviours', 'load_behaviours', 'load_parts',
@@ -21,13 +22,16 @@ class Residual:
 
     Attributes
     ----------
-    offset, fast, personal, noise : ndarray, shape (D,)
-        Variance, rad^2, of the slow offset, of the fast residual, of the personal cycle (sum over its
-        harmonics) and of white noise.
-    offset_decay, fast_decay, personal_decay, style_decay : float
-        Rates, 1/s.
-    personal_share : ndarray, shape (K,)
-        Part of the personal cycle's variance in each harmonic; sums to one, empty without a personal cycle.
+    variance : mapping of str to ndarray, shape (D,)
+        Of every ingredient of a channel (`style_core.phase_style.channel`), rad^2; where it has harmonics, their sum.
+    decay : mapping of str to float
+        Of every ingredient, 1/s.
+    share : mapping of str to ndarray, shape (K,)
+        Of every ingredient that has harmonics: part of its variance in each; sums to one, empty where there is none.
+    noise : ndarray, shape (D,)
+        Variance of white noise, rad^2.
+    style_decay : float
+        1/s.
     style_scale : float
         Factor on the covariance of the training styles.
     calibration_horizon, calibration_scale : ndarray, shape (H,)
@@ -36,15 +40,11 @@ class Residual:
         What checks of predictions usually give, and how many of them that is worth (`style_core.phase_style.bands`).
     """
 
-    offset: np.ndarray
-    fast: np.ndarray
-    personal: np.ndarray
+    variance: Mapping[str, np.ndarray]
+    decay: Mapping[str, float]
+    share: Mapping[str, np.ndarray]
     noise: np.ndarray
-    offset_decay: float
-    fast_decay: float
-    personal_decay: float
     style_decay: float
-    personal_share: np.ndarray
     style_scale: float
     calibration_horizon: np.ndarray
     calibration_scale: np.ndarray
@@ -165,12 +165,11 @@ def save_behaviours(path, behaviours, training=(), correction=None, space=None):
         if behaviour.residual is not None:
             parts.append(('residual.', behaviour.residual))
         for prefix, part in parts:
-            for item in fields(part):
-                value = getattr(part, item.name)
+            for name, value in _named(part).items():
                 if isinstance(value, np.ndarray):
-                    arrays[f'{index}.{prefix}{item.name}'] = value
-                elif item.name not in ('residual', 'joint_names'):
-                    entry[prefix + item.name] = list(value) if isinstance(value, tuple) else value
+                    arrays[f'{index}.{prefix}{name}'] = value
+                elif name not in ('residual', 'joint_names'):
+                    entry[prefix + name] = list(value) if isinstance(value, tuple) else value
         described.append(entry)
     header = {'joint_names': list(behaviours[0].joint_names), 'units': ['rad'] * len(behaviours[0].joint_names),
               'rate_hz': behaviours[0].rate_hz, 'behaviours': described,
@@ -186,6 +185,22 @@ def save_behaviours(path, behaviours, training=(), correction=None, space=None):
         for part, entries in zip((header, arrays), space.entries()):
             part.update(entries)
     model_file.save_model(path, KIND, header, arrays)
+
+
+#: Names in a file of what a residual model says of an ingredient, {} being that ingredient's name.
+_OF_INGREDIENTS = {'variance': '{}', 'decay': '{}_decay', 'share': '{}_share'}
+
+
+def _named(part):
+    """Fields by their names in a file; what is said of each ingredient of a channel gets a name of its own."""
+    found = {}
+    for item in fields(part):
+        value = getattr(part, item.name)
+        if item.name in _OF_INGREDIENTS:
+            found.update({_OF_INGREDIENTS[item.name].format(name): one for name, one in value.items()})
+        else:
+            found[item.name] = value
+    return found
 
 
 #: Arrays of `Histories` and of `Correction` in a model file.
@@ -275,16 +290,29 @@ def _restore(entry, index, header, arrays):
         return kind(**values)
 
     residual = None
-    if 'residual.offset_decay' in entry:
+    if 'residual.style_decay' in entry:
         if 'residual.check_median' not in entry:
             raise ValueError('it was made before bands followed the person; train it again')
-        residual = part(Residual, 'residual.')
+        residual = part(Residual, 'residual.', **_ingredients(entry, index, arrays))
     given = {'joint_names': tuple(header['joint_names']), 'residual': residual}
     if f'{index}.gaits' not in arrays:  # made before gaits were told apart: one of them, as it was
         count = len(entry['sequences'])
         given.update(gaits=np.zeros(count, dtype=int),
                      speeds=np.tile([arrays[f'{index}.velocity'][0], 0.0], (count, 1)))
     return part(Behaviour, '', **given)
+
+
+def _ingredients(entry, index, arrays):
+    """What a file says of the ingredients of a channel; those it does not name were not known when it was made."""
+    prefix, suffix = 'residual.', '_decay'
+    named = [key[len(prefix):-len(suffix)] for key in entry if key.startswith(prefix) and key.endswith(suffix)]
+    unknown = set(named) - {*(one.name for one in CHANNEL), 'style'}
+    if unknown:
+        raise ValueError(f'its channels have {", ".join(sorted(unknown))}, which this version does not know')
+    here = [one for one in CHANNEL if one.name in named]
+    return {'variance': {one.name: arrays[f'{index}.{prefix}{one.name}'] for one in here},
+            'decay': {one.name: entry[f'{prefix}{one.name}{suffix}'] for one in here},
+            'share': {one.name: arrays[f'{index}.{prefix}{one.name}_share'] for one in here if one.turns}}
 
 
 def _check_shapes(behaviour):
@@ -303,8 +331,7 @@ def _check_shapes(behaviour):
     if behaviour.residual is not None:
         if not (behaviour.residual.check_median > 0 and behaviour.residual.check_weight > 0):
             raise ValueError('check_median and check_weight must be positive')
-        for name in ('offset', 'fast', 'personal', 'noise'):
-            array = getattr(behaviour.residual, name)
+        for name, array in {**behaviour.residual.variance, 'noise': behaviour.residual.noise}.items():
             if array.shape != (channels,) or not np.all(np.isfinite(array)):
                 raise ValueError(f'residual {name} does not fit {channels} joints')
 

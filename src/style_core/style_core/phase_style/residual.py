@@ -18,17 +18,20 @@ people - and the bases of the others are used on them.
    following the checks. People have equal weight in all three.
 """
 from dataclasses import dataclass, replace
+from typing import Mapping
 
 import numpy as np
 from tqdm import tqdm
 
 from style_core.alignment import fit_cycle, harmonic_design
 from style_core.phase_style.bands import LEAD_S, MOST, Level, check
-from style_core.phase_style.full import make_filter, person_weights, style_prior, styles_in_gait, whitened
-from style_core.phase_style.kernel import Table
-from style_core.phase_style.learning import NOISE_FLOOR, factorise, speed_statistics
+from style_core.phase_style.basis_table import NODES, BasisTable, Table
+from style_core.phase_style.channel import CHANNEL, LeftOut, of_kind
+from style_core.phase_style.full import make_filter
+from style_core.phase_style.learning import factorise, speed_statistics
 from style_core.phase_style.model import Residual
-from style_core.phase_style.table import NODES, BasisTable
+from style_core.phase_style.parts import CYCLE, LEVEL, SMOOTH, SMOOTHER
+from style_core.phase_style.style_prior import person_weights, style_prior, styles_in_gait, whitened
 
 __all__ = ['HORIZONS', 'Shape', 'leave_out', 'residual_shape', 'learn_residual']
 
@@ -59,11 +62,9 @@ class Fold:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Mean squares of the left-out residual's parts by channel, each (D,); ``personal`` has shape (K, D)."""
+    """Mean squares of the left-out residual: of every ingredient, (D,) or (K, D) by harmonic, and of noise, (D,)."""
 
-    offset: np.ndarray
-    fast: np.ndarray
-    personal: np.ndarray
+    squares: Mapping[str, np.ndarray]
     noise: np.ndarray
 
 
@@ -134,42 +135,55 @@ def residual_shape(sequences, aligned, folds, rhythmic):
             style = np.linalg.solve(normal, np.einsum('tjd,td->j', basis, y) / scale + prior @ mean)
             error = y - np.einsum('tjd,j->td', basis, style)
             cycle = fit_cycle(error, phase, harmonics)
-            rest = error - harmonic_design(phase, harmonics)[0] @ cycle
-            parts.append((cycle[0] ** 2, np.var(rest, axis=0),
-                          0.5 * (cycle[1::2] ** 2 + cycle[2::2] ** 2),
-                          np.var(np.diff(y, 3, axis=0), axis=0) / 20))
+            left = LeftOut(cycle[0], cycle[1::2], cycle[2::2], error - harmonic_design(phase, harmonics)[0] @ cycle)
+            parts.append((*(one.squares(left) for one in CHANNEL), np.var(np.diff(y, 3, axis=0), axis=0) / 20))
             weights.append(1 / len(fold.left_out))
     weights = np.array(weights) / np.sum(weights)
-    offset, fast, personal, noise = (np.tensordot(weights, np.array(part), axes=1) for part in zip(*parts))
-    fast = np.maximum(fast, NOISE_FLOOR)
-    return Shape(np.maximum(offset, NOISE_FLOOR), fast, personal, np.maximum(noise, 0.1 * fast))
+    *squares, noise = (np.tensordot(weights, np.array(part), axes=1) for part in zip(*parts))
+    squares = {one.name: np.maximum(part, one.least) for one, part in zip(CHANNEL, squares)}
+    return Shape(squares, np.maximum(noise, 0.1 * sum(squares[one.name] for one in of_kind(SMOOTH, SMOOTHER))))
 
 
-#: Start of the coordinate search: factors on the shape, rates in 1/s.
-START = {'offset': 1.0, 'fast': 1.0, 'personal': 0.5, 'noise': 2.0, 'style': 1.0, 'acceleration': 1.0,
-         'offset_decay': 0.1, 'fast_decay': 20.0, 'personal_decay': 0.1, 'style_decay': 0.005}
 #: Factors that may all grow together without a change of the criterion.
-FACTORS = ('offset', 'fast', 'personal', 'noise', 'style', 'acceleration')
+FACTORS = (*(one.name for one in CHANNEL), 'noise', 'style', 'acceleration')
+#: Start of the coordinate search: factors on the shape, rates in 1/s.
+START = {**{one.name: one.start for one in CHANNEL}, 'noise': 2.0, 'style': 1.0, 'acceleration': 1.0,
+         **{f'{one.name}_decay': one.decay for one in CHANNEL}, 'style_decay': 0.005}
 #: What a setting a factor two away from the start costs, in the criterion's logarithms: 0.3 % of the squared error.
 #: The criterion hardly notices some settings, and without this some went where nothing but chance sent them. For
 #: rhythmic motion only: the start is what suits walking.
 PULL = 0.003
-#: Moves: factors that change together (all variances against style prior and phase noise first).
-MOVES = (('offset', 'fast', 'personal', 'noise'), ('style',), ('noise',), ('fast_decay',), ('offset',), ('fast',),
-         ('personal',), ('offset_decay',), ('acceleration',), ('personal_decay',), ('style_decay',))
+
+
+def _moves(shape):
+    """Settings that change together, in the order they are tried.
+
+    All variances against style prior and phase noise first; decays that matter at the shortest horizons before
+    variances, those that matter at none after them. Ingredients that this shape does not have are not moved.
+    """
+    def decays(*kinds):
+        return tuple((f'{one.name}_decay',) for one in of_kind(*kinds) if len(shape.squares[one.name]))
+
+    names = tuple(one.name for one in CHANNEL)
+    return ((*names, 'noise'), ('style',), ('noise',), *decays(SMOOTH, SMOOTHER),
+            *((name,) for name in names if len(shape.squares[name])),
+            *decays(LEVEL), ('acceleration',), *decays(CYCLE), ('style_decay',))
 
 
 def _residual(shape, values):
-    total = shape.personal.sum(axis=0) if len(shape.personal) else np.zeros_like(shape.offset)
-    pooled = shape.personal.sum(axis=1)
-    share = pooled / pooled.sum() if len(pooled) and pooled.sum() > 0 else np.zeros(0)
+    variance, share = {}, {}
+    for one in CHANNEL:
+        squares = shape.squares[one.name]
+        if one.turns:
+            pooled = squares.sum(axis=1)
+            share[one.name] = pooled / pooled.sum() if len(pooled) and pooled.sum() > 0 else np.zeros(0)
+            squares = squares.sum(axis=0) if len(squares) else np.zeros_like(shape.noise)
+        variance[one.name] = values[one.name] * squares
     return Residual(
-        offset=values['offset'] * shape.offset, fast=values['fast'] * shape.fast,
-        personal=values['personal'] * total, noise=values['noise'] * shape.noise,
-        offset_decay=values['offset_decay'], fast_decay=values['fast_decay'],
-        personal_decay=values['personal_decay'], style_decay=values['style_decay'], personal_share=share,
-        style_scale=values['style'], calibration_horizon=CALIBRATED, calibration_scale=np.ones(len(CALIBRATED)),
-        check_median=1.0, check_weight=CERTAIN)
+        variance=variance, decay={one.name: values[f'{one.name}_decay'] for one in CHANNEL}, share=share,
+        noise=values['noise'] * shape.noise, style_decay=values['style_decay'], style_scale=values['style'],
+        calibration_horizon=CALIBRATED, calibration_scale=np.ones(len(CALIBRATED)), check_median=1.0,
+        check_weight=CERTAIN)
 
 
 def _roll_out(behaviour, fold, sequences, aligned, every, horizons):
@@ -193,7 +207,7 @@ def _roll_out(behaviour, fold, sequences, aligned, every, horizons):
         for frame in range(last):
             one.update(y[frame], observed, 1 / rate if frame else 0.0)
             if frame >= 3 and frame % every == 0:
-                one.predict(ahead / rate, mean, std, velocity)
+                one.forecast_into(ahead / rate, mean, std, velocity)
                 errors.append(mean - y[frame + ahead])
                 spreads.append(std.copy())
         if errors:
@@ -242,7 +256,8 @@ def learn_residual(behaviour, sequences, aligned, rounds=2, progress=False):
     """
     folds = leave_out(sequences, aligned, behaviour)
     if not folds:  # a single sequence: nothing can be left out; its own residual has to do
-        shape = Shape(behaviour.noise, behaviour.noise, np.zeros((0, len(behaviour.noise))), 0.1 * behaviour.noise)
+        shape = Shape({one.name: np.zeros((0, len(behaviour.noise))) if one.turns else behaviour.noise
+                       for one in CHANNEL}, 0.1 * behaviour.noise)
         return replace(behaviour, residual=_residual(shape, START))
     shape = residual_shape(sequences, aligned, folds, behaviour.rhythmic)
     every = 5 if sum(len(sequence.y) for sequence in sequences) < 5000 else 10
@@ -258,7 +273,7 @@ def learn_residual(behaviour, sequences, aligned, rounds=2, progress=False):
 
     values = dict(START)
     best = cost(values)
-    moves = [move for move in MOVES if len(shape.personal) or not move[0].startswith('personal')]
+    moves = _moves(shape)
     for step, names in tqdm([(4.0 ** (0.5 ** round_), move) for round_ in range(rounds) for move in moves],
                             desc=f'residual of {behaviour.name}', leave=False, disable=None if progress else True):
         for factor in (step, 1 / step):
@@ -274,8 +289,7 @@ def learn_residual(behaviour, sequences, aligned, rounds=2, progress=False):
     plain = _runs(candidate(values), folds, sequences, aligned)
     size = np.median(_calibration(plain)) ** 2
     # the same factor on every variance, prior and noise changes no gain, but makes likelihoods honest
-    honest = candidate({**values, **{name: values[name] * size for name in
-                                     ('offset', 'fast', 'personal', 'noise', 'style', 'acceleration')}})
+    honest = candidate({**values, **{name: values[name] * size for name in FACTORS}})
     runs = _runs(honest, folds, sequences, aligned)
     median, weight = _usual_checks(runs)
     return replace(honest, residual=replace(

@@ -1,13 +1,10 @@
 """Off-line smoothing with the full filter's model: phase, style and residual of a whole recording at once.
 
-Given the phase, the residual states of a channel are a Gaussian process over time with covariance
-
-    K(t, t') = offset e^(-a|dt|) + fast (1 + b|dt|) e^(-b|dt|) + sum_k personal_k e^(-c|dt|) cos k(phase - phase')
-               + noise [t = t']
-
-so the smoother works on that process instead of running a filter forward and a recursion backward: linearised at the
-same phases both are the same Gaussian. Gauss-Newton steps over phase, phase velocity and style alternate with an
-M-step for the size of the residual (expectation maximisation); a long recording is smoothed in overlapping pieces.
+Given the phase, what a channel is made of beside the bases is a Gaussian process over time, whose covariance follows
+from its parts (eq. 16 of docs/phase_style.md). So the smoother works on that process instead of running a filter
+forward and a recursion backward: linearised at the same phases both are the same Gaussian. Gauss-Newton steps over
+phase, phase velocity and style alternate with an M-step for the size of the residual (expectation maximisation); a long
+recording is smoothed in overlapping pieces.
 """
 from dataclasses import dataclass
 
@@ -15,9 +12,10 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from style_core.errors import MotionError
+from style_core.phase_style.basis_table import Table
+from style_core.phase_style.channel import covariances_of
 from style_core.phase_style.full import filter_table
-from style_core.phase_style.kernel import Table
-from style_core.phase_style.predictor import FullPredictor
+from style_core.phase_style.full_predictor import FullPredictor
 
 __all__ = ['Smoothed', 'smooth_piece', 'fill']
 
@@ -50,21 +48,6 @@ class Smoothed:
     residual_scale: float
     evidence: list
     converged: bool
-
-
-def _residual_covariance(behaviour, times, phase):
-    """The parts of K as (T, T) matrices to be weighted by channel: offset, fast, personal."""
-    residual = behaviour.residual
-    lag = np.abs(times[:, None] - times)
-    offset = np.exp(-residual.offset_decay * lag)
-    fast = (1 + residual.fast_decay * lag) * np.exp(-residual.fast_decay * lag)
-    personal = np.zeros_like(lag)
-    if behaviour.rhythmic:
-        turn = phase[:, None] - phase
-        for k, share in enumerate(residual.personal_share):
-            personal += share * np.cos((k + 1) * turn)
-        personal *= np.exp(-residual.personal_decay * lag)
-    return offset, fast, personal
 
 
 def _chain_precision(times, acceleration, start):
@@ -122,13 +105,13 @@ def smooth_piece(behaviour, times, y, phase, velocity, iterations=12, tolerance=
         weight = np.concatenate([[1.0], theta[2 * count:]])
         mean = np.tensordot(base[:, 0], weight, axes=(1, 0))
         slope = np.tensordot(base[:, 1], weight, axes=(1, 0))
-        parts = _residual_covariance(behaviour, times, here)
+        parts = covariances_of(residual, behaviour.rhythmic, times, here)
         hessian, gradient = np.zeros_like(prior), np.zeros_like(theta)
         fit, half_logs, samples = 0.0, 0.0, 0
         channels = []
         for d in range(y.shape[1]):
             rows = np.flatnonzero(seen[:, d])
-            signal = residual.offset[d] * parts[0] + residual.fast[d] * parts[1] + residual.personal[d] * parts[2]
+            signal = sum(variance[d] * covariance for covariance, variance in parts)
             jacobian = np.zeros((count, len(theta)))
             jacobian[np.arange(count), np.arange(0, 2 * count, 2)] = slope[:, d]
             jacobian[:, 2 * count:] = base[:, 0, 1:, d]

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Mapping
 
 from style_core.predictor import OnlinePredictor
-from style_core.predictors import read_predictor
+from style_core.predictor_file import read_predictor
 from style_core.stream.stream import warm_up
 
 __all__ = ['LiveModel', 'load_live']
@@ -47,7 +47,7 @@ def load_live(path, method, horizons, histories=True):
     ----------
     path : path-like
     method : str
-        See `style_core.predictors.read_predictor`.
+        See `style_core.predictor_file.read_predictor`.
     horizons : ndarray, shape (H,)
         What will be predicted, s.
     histories : bool

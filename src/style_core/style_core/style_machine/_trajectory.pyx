@@ -1,36 +1,5 @@
 """Block-tridiagonal systems of the most likely trajectory: elimination and back-substitution, one small block a frame."""
-from libc.math cimport sqrt
-
-
-cdef int cholesky(double[:, ::1] a, Py_ssize_t n) noexcept nogil:
-    """Lower factor in place; returns 1 if the matrix is not positive definite."""
-    cdef Py_ssize_t i, j, k
-    cdef double s
-    for j in range(n):
-        s = a[j, j]
-        for k in range(j):
-            s -= a[j, k] * a[j, k]
-        if not s > 0.0:
-            return 1
-        a[j, j] = sqrt(s)
-        for i in range(j + 1, n):
-            s = a[i, j]
-            for k in range(j):
-                s -= a[i, k] * a[j, k]
-            a[i, j] = s / a[j, j]
-    return 0
-
-
-cdef void solve_vector(const double[:, ::1] low, double[::1] x, Py_ssize_t n) noexcept nogil:
-    cdef Py_ssize_t i, k
-    for i in range(n):
-        for k in range(i):
-            x[i] -= low[i, k] * x[k]
-        x[i] /= low[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            x[i] -= low[k, i] * x[k]
-        x[i] /= low[i, i]
+from style_core.small_matrices cimport cholesky, cholesky_solve
 
 
 cdef void solve_matrix(const double[:, ::1] low, double[:, ::1] x, Py_ssize_t n) noexcept nogil:
@@ -70,9 +39,9 @@ cdef int eliminate(double[:, ::1] s, double[::1] r, const double[:, ::1] own, co
         for j in range(n):
             low[i, j] = s[i, j] + previous[i, j]
             w[i, j] = cross[j, i]
-    if cholesky(low, n):
+    if cholesky(&low[0, 0], <int>n):
         return 1
-    solve_vector(low, h, n)
+    cholesky_solve(&low[0, 0], &h[0], <int>n)
     solve_matrix(low, w, n)
     for i in range(n):
         for j in range(n):
@@ -110,9 +79,9 @@ def solve_trajectory(const double[:, :, ::1] own, const double[:, :, ::1] cross,
             for i in range(n):
                 for k in range(n):
                     low[i, k] = s[i, k]
-            failed = cholesky(low, n)
+            failed = cholesky(&low[0, 0], <int>n)
             if not failed:
-                solve_vector(low, r, n)
+                cholesky_solve(&low[0, 0], &r[0], <int>n)
                 for i in range(n):
                     rhs[n_frames - 1, i] = r[i]
                 for t in range(n_frames - 1, 0, -1):
@@ -180,9 +149,9 @@ def look_back(const double[:, ::1] s, const double[::1] r, const double[::1] s_t
         x[i] = r[i]
         for k in range(n):
             low[i, k] = s[i, k]
-    if cholesky(low, n):
+    if cholesky(&low[0, 0], <int>n):
         return 1
-    solve_vector(low, x, n)
+    cholesky_solve(&low[0, 0], &x[0], <int>n)
     for i in range(n):
         out[0, i] = x[i]
     for i in range(m):

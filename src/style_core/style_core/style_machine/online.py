@@ -3,7 +3,7 @@ import numpy as np
 
 from style_core.joint_space.online import InJointSpace, border_of
 from style_core.outliers import FAREWELL_S, Doubt
-from style_core.phase_style.gate import ObservationGate
+from style_core.phase_style.observation import ObservationChecker
 from style_core.predictor import Estimate, Prediction, Status
 from style_core.style_machine.analysis import joint_gaussians
 from style_core.style_machine.emission import interpolate
@@ -45,14 +45,14 @@ class StyleMachinePredictor(InJointSpace):
         self._variances = np.einsum('nii->ni', self._covs).copy()
         self._coordinates = np.array([np.zeros(machine.dof), *machine.styles.values()])
         self._patterns = {}
-        self._gate = ObservationGate(len(self.joint_names))
+        self._observation = ObservationChecker(len(self.joint_names))
         self._doubts = Doubt(len(self.joint_names))
         self._border = border_of(machine.space, machine.joint_names)
         self.orders = machine.orders
         self.reset()
 
     def _reset(self):
-        self._gate.reset()
+        self._observation.reset()
         self._forget()
 
     def _forget(self):
@@ -80,9 +80,9 @@ class StyleMachinePredictor(InJointSpace):
         return self._patterns[key]
 
     def _update(self, time, y, mask):
-        first = self._gate.time is None
-        elapsed = self._gate.take(time, y, mask)
-        y, seen = self._gate.y, self._gate.flags()
+        first = self._observation.time is None
+        elapsed = self._observation.check(time, y, mask)
+        y, seen = self._observation.y, self._observation.flags()
         frames = 1.0 if first else elapsed * self.machine.rate_hz
         if not first:
             self._belief = self._propagate(self._belief, frames)
@@ -91,7 +91,7 @@ class StyleMachinePredictor(InJointSpace):
             seen = self._believed(y, seen, frames)
         if self._doubts.out_s > FAREWELL_S:     # nothing fits any more: start anew, at the same time
             self._forget()
-            seen = self._gate.flags()
+            seen = self._observation.flags()
         likelihood, innovation = 0.0, float('nan')
         persistence = self.machine.persistence
         # residuals are correlated in time: an observation says as much as its share of a frame, and of a new residual
@@ -133,7 +133,7 @@ class StyleMachinePredictor(InJointSpace):
         gaps = self._coordinates - v
         nan = float('nan')
         return Estimate(
-            self._gate.time, nan, nan, np.full((2, 2), nan), v, (gaps * posterior.sum(axis=1)[:, None]).T @ gaps,
+            self._observation.time, nan, nan, np.full((2, 2), nan), v, (gaps * posterior.sum(axis=1)[:, None]).T @ gaps,
             mean + self._offset + self._residual, np.sqrt(self._unknown * spread), seen, innovation, likelihood,
             self._status(), dict(zip(self._names, posterior.sum(axis=1).tolist())))
 
@@ -193,7 +193,7 @@ class StyleMachinePredictor(InJointSpace):
         decay = self.machine.persistence ** frames[:, None]
         slope = (chain[whole + 1] - chain[whole]) @ self._means
         fading = np.log(np.maximum(self.machine.persistence, 1e-6)) * decay * self._residual
-        return Prediction((self._gate.time or 0.0) + horizons, mean + self._offset + decay * self._residual,
+        return Prediction((self._observation.time or 0.0) + horizons, mean + self._offset + decay * self._residual,
                           np.sqrt((1 - decay ** 2 * (1 - self._unknown)) * spread),
                           (slope + fading) * self.machine.rate_hz)
 

@@ -49,10 +49,6 @@ class Coordinates:
         """Model coordinates (..., D) to joint coordinates, rad (..., D)."""
         return coordinates @ (self.basis.T / self.weights) + self.reference
 
-    def decode_rate(self, rates):
-        """Coordinate changes a frame (..., D) to rad/s (..., D)."""
-        return rates @ (self.basis.T / self.weights) * self.rate_hz
-
     def fit(self, motion, absent='refuse'):
         """The motion with this model's joints in this model's order at this model's rate.
 

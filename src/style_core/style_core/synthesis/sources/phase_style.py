@@ -3,7 +3,7 @@ import numpy as np
 
 from style_core.budgets import LARGEST_PHASE
 from style_core.errors import ModelError, UsageError
-from style_core.phase_style.table import NODES, tabulate
+from style_core.phase_style.basis_table import NODES, tabulate
 from style_core.synthesis.glide import Glide
 from style_core.synthesis.sources.source import TimedSource
 

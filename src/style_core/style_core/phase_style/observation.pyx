@@ -3,13 +3,13 @@ import numpy as np
 
 from libc.math cimport fabs, isfinite
 
-__all__ = ['ObservationGate']
+__all__ = ['ObservationChecker']
 
 #: No joint is farther than this from zero, rad: a value beyond it counts as not observed.
 cdef double FARTHEST = 1e4
 
 
-cdef class ObservationGate:
+cdef class ObservationChecker:
     """Keeps the last observation that was in order.
 
     Parameters
@@ -47,7 +47,7 @@ cdef class ObservationGate:
         """Which channels were observed: ndarray of bool, shape (D,), of its own."""
         return self.seen.copy()
 
-    def take(self, time, y, mask):
+    def check(self, time, y, mask):
         """Store an observation in ``y`` and ``observed``; return the time since the last one, s (0 for the first).
 
         Raises

@@ -11,7 +11,7 @@ from style_core.cli import main
 from style_core.errors import ModelError, MotionError, UsageError
 from style_core.formats import read_motion, write_motion
 from style_core.model_file import save_model
-from style_core.predictors import read_predictor
+from style_core.predictor_file import read_predictor
 from style_core.stream.joint_map import identity_map
 from style_core.stream.loading import load_live
 from style_core.stream.stream import PredictorStream, StreamSettings

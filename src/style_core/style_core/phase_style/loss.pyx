@@ -1,10 +1,7 @@
-"""What every on-line predictor here shares: how long a silence may be, and the innovation statistic."""
+"""Loss of track: the innovation statistic that every filter here is watched by."""
 from libc.math cimport copysign, exp, isnan
 
-__all__ = ['InnovationMonitor', 'GAP_S']
-
-#: After a longer silence what was known about the phase is worth nothing, s: the search starts again.
-GAP_S = 2.0
+__all__ = ['InnovationMonitor']
 
 
 cdef class InnovationMonitor:
@@ -47,7 +44,7 @@ cdef class InnovationMonitor:
         return self.factor * min(max(self.median, self.low), self.high)
 
     def add(self, double innovation, double dt):
-        """Take one innovation statistic; returns True while it is out of bounds."""
+        """Count one innovation statistic in; returns True while it is out of bounds."""
         if isnan(innovation):
             return False
         if not self.started:

@@ -5,13 +5,15 @@ import numpy as np
 
 from style_core.errors import ModelError
 from style_core.phase_style.bands import Bands
-from style_core.phase_style.full import PARTS, filter_table, gaits_of, make_filter, still_behaviour, style_prior
-from style_core.phase_style.gate import ObservationGate
+from style_core.phase_style.basis_table import Table
+from style_core.phase_style.full import PARTS, filter_table, make_filter, still_behaviour
 from style_core.phase_style.glance import Glance
-from style_core.phase_style.kernel import Table
-from style_core.phase_style.online import GAP_S, InnovationMonitor
+from style_core.phase_style.loss import InnovationMonitor
+from style_core.phase_style.observation import ObservationChecker
 from style_core.phase_style.search import BUDGET, LIMIT, LIVE, Search
-from style_core.predictor import Estimate, Prediction, Status
+from style_core.phase_style.settings import GAP_S
+from style_core.phase_style.style_prior import gaits_of, style_prior
+from style_core.predictor import Estimate, Prediction
 
 __all__ = ['FullPredictor']
 
@@ -48,7 +50,7 @@ class FullPredictor:
         behaviours = [gait for behaviour in behaviours for gait in gaits_of(behaviour)]
         self._behaviours = behaviours
         self._pool, self._priors = [], []
-        rejects = not {'rejection', 'restart'} & set(without)  # what is not believed may be a loss
+        rejects = not {'rejection', 'restart'} & set(without)  # what is left out may be a loss
         glances = []
         for behaviour in behaviours:
             table = filter_table(behaviour, without)
@@ -62,7 +64,7 @@ class FullPredictor:
                          for behaviour in behaviours]
         self._slowest = [one.velocity[2] if one.velocity[2] > 0 else -1.0 for one in behaviours]
         channels = len(self.joint_names)
-        self._gate = ObservationGate(channels)
+        self._observation = ObservationChecker(channels)
         # one is what these variances promise; three times a lower median called steady walks lost
         self._monitor = InnovationMonitor(usual=(1.0, 1.0))
         self._bands = Bands(behaviours, 'calibration' not in without)
@@ -70,7 +72,7 @@ class FullPredictor:
 
     def reset(self):
         """Forget everything observed; the next update starts a search."""
-        self._gate.reset()
+        self._observation.reset()
         self._forget()
 
     def _forget(self):
@@ -78,15 +80,12 @@ class FullPredictor:
         self._search.reset()
         self._bands.reset()
         self._slow_s = 0.0
-        self._searching = True
-        self._status = Status.ACQUIRING
         mean, spread = self._behaviours[0].velocity[:2]
         self._pool[0][0].start(0.0, mean, 4.0 if self._behaviours[0].rhythmic else 0.1, max(spread, 1e-3) ** 2)
 
     def update(self, time, y, mask=None):
         """Take one observation (see `style_core.predictor.OnlinePredictor.update`)."""
-        gate = self._gate
-        dt = gate.take(time, y, mask)
+        dt = self._observation.check(time, y, mask)
         if dt > GAP_S:
             self._forget()
             dt = 0.0
@@ -98,88 +97,84 @@ class FullPredictor:
             return self._estimate()
 
     def _follow(self, dt):
-        """Update the leader, search, and judge."""
-        gate, search = self._gate, self._search
-        sampled = search.store(gate.time, gate.y, gate.observed)
-        spent = 0
-        leader = search.leader
+        """Update the leader, search, and watch for a loss."""
+        seen, search, leader = self._observation, self._search, self._search.leader
+        sampled, searching, spent = search.store(seen.time, seen.y, seen.observed), search.searching, 0
         # while hypotheses are compared all of them see the same samples: one that sees more is surprised less by each
-        if leader is not None and (sampled or not self._searching):
-            leader.take(gate.time, gate.y, gate.observed)
+        if leader is not None and (sampled or not searching):
+            leader.update(seen.time, seen.y, seen.observed)
             spent = 1
             if sampled:
                 leader.judge()
-        searched = self._searching
-        if searched:
-            search.since += dt
+        if searching:
             if sampled:
                 search.step(BUDGET - spent)
-            if search.settle():
-                self._searching = False
-                self._status = Status.TRACKING
+            if search.decide(dt):
                 self._monitor.reset()
         speaker = search.speaker
         if speaker is not None and speaker.filter.rejected:
-            np.bitwise_and(gate.observed, speaker.filter.used, out=gate.observed)
-        self._bands.observe(gate.observed, dt)
-        if not self._searching:
-            leader = search.leader
-            # an observation that is not believed as a whole is a loss as well
-            out = self._monitor.add(leader.filter.innovation, dt) or leader.filter.rejected > leader.filter.seen == 0
-            # as slow as its behaviour allows, a phase follows something else, whatever the innovations say
-            self._slow_s = self._slow_s + dt if leader.filter.velocity <= self._slowest[leader.behaviour] else 0.0
-            if (out or self._slow_s > self._monitor.window_s) and 'restart' not in self._without:
-                self._searching = True
-                self._slow_s = 0.0
-                self._status = Status.LOST
-                search.again()
-                self._bands.forget()
-        if not self._searching and not searched:  # what a search costs is enough for one observation
-            self._bands.follow(search.leader, gate.time, gate.y, gate.observed)
+            np.bitwise_and(seen.observed, speaker.filter.used, out=seen.observed)
+        self._bands.observe(seen.observed, dt)
+        if not search.searching and self._is_lost(dt):
+            self._slow_s = 0.0
+            search.lose()
+            self._bands.forget()
+        if not search.searching and not searching:  # what a search costs is enough for one observation
+            self._bands.follow(search.leader, seen.time, seen.y, seen.observed)
+
+    def _is_lost(self, dt):
+        """Whether the leader no longer explains what it sees."""
+        leader = self._search.leader
+        one = leader.filter
+        # an observation that is left out as a whole is a loss as well
+        out = self._monitor.add(one.innovation, dt) or one.rejected > one.seen == 0
+        # as slow as its behaviour allows, a phase follows something else, whatever the innovations say
+        self._slow_s = self._slow_s + dt if one.velocity <= self._slowest[leader.behaviour] else 0.0
+        return (out or self._slow_s > self._monitor.window_s) and 'restart' not in self._without
 
     def _probabilities(self):
         search = self._search
-        if not self._searching or search.holding:
+        if not search.searching or search.holding:
             return dict(self._certain[search.speaker.behaviour])
         return search.probabilities()
 
     def _estimate(self):
-        track = self._search.speaker
-        if track is None:  # nothing was observed yet
+        speaker = self._search.speaker
+        if speaker is None:  # nothing was observed yet
             index, one, innovation, log_likelihood = 0, self._pool[0][0], math.nan, 0.0
         else:
-            index, one = track.behaviour, track.filter
+            index, one = speaker.behaviour, speaker.filter
             innovation, log_likelihood = one.innovation, one.log_likelihood
-        late = self._late(track)
+        late = self._late(speaker)
         phase, speed, covariance, style, style_covariance, mean, std = one.describe(*self._priors[index], late)
         self._bands.widen(index, np.array([late]), std[None])
         return Estimate(
-            time=self._gate.time, phase=phase, phase_velocity=speed, phase_covariance=covariance, style=style,
-            style_covariance=style_covariance, mean=mean, std=std, observed=self._gate.flags(),
-            innovation=innovation, log_likelihood=log_likelihood, status=self._status,
+            time=self._observation.time, phase=phase, phase_velocity=speed, phase_covariance=covariance, style=style,
+            style_covariance=style_covariance, mean=mean, std=std, observed=self._observation.flags(),
+            innovation=innovation, log_likelihood=log_likelihood, status=self._search.status,
             behaviours=self._probabilities())
 
-    def _late(self, track):
-        """Time since a track's last update, s: one of several hypotheses, it waits for the next sample of all."""
-        return self._gate.time - track.time if self._searching and track is not None else 0.0
+    def _late(self, speaker):
+        """Time since its last update, s: one of several hypotheses, it waits for the next sample of all."""
+        return self._observation.time - speaker.time if self._search.searching and speaker is not None else 0.0
 
     def predict(self, horizons):
         """Predict at ``horizons`` (shape (H,), s after the last update, >= 0)."""
         horizons = np.array(horizons, dtype=float)
-        track = self._search.speaker
-        index, one = (0, self._pool[0][0]) if track is None else (track.behaviour, track.filter)
+        speaker = self._search.speaker
+        index, one = (0, self._pool[0][0]) if speaker is None else (speaker.behaviour, speaker.filter)
         try:
-            mean, std, velocity = self._ahead(index, one, horizons + self._late(track))
+            mean, std, velocity = self._ahead(index, one, horizons + self._late(speaker))
         except ArithmeticError:
             self._forget()
             mean, std, velocity = self._ahead(0, self._pool[0][0], horizons)
-        horizons += self._gate.time or 0.0
+        horizons += self._observation.time or 0.0
         return Prediction(horizons, mean, std, velocity)
 
     def _ahead(self, index, one, horizons):
         """Predict with the filter ``one`` of a behaviour; bands as wide as they must be."""
         if horizons.ndim != 1:
             raise ValueError('horizons must be a one-dimensional array of times >= 0')
-        mean, std, velocity = one.ahead(horizons)
+        mean, std, velocity = one.forecast(horizons)
         self._bands.widen(index, horizons, std)
         return mean, std, velocity

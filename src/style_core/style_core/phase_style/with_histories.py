@@ -11,9 +11,9 @@ import numpy as np
 from tqdm import tqdm
 
 from style_core.histories import FRAMES, HistorySearch, RecentPast, gather
+from style_core.phase_style.full_predictor import FullPredictor
 from style_core.phase_style.learning import align, bases_from
 from style_core.phase_style.model import Correction
-from style_core.phase_style.predictor import FullPredictor
 from style_core.phase_style.residual import FEWEST_PEOPLE
 from style_core.predictor import Prediction, Status
 

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from style_core.errors import MotionError
-from style_core.phase_style.gate import ObservationGate
-from style_core.phase_style.kernel import PaperFilter, Table
-from style_core.phase_style.online import GAP_S, InnovationMonitor
-from style_core.phase_style.table import tabulate
+from style_core.phase_style.basis_table import Table, tabulate
+from style_core.phase_style.loss import InnovationMonitor
+from style_core.phase_style.matsubara_filter import MatsubaraFilter
+from style_core.phase_style.observation import ObservationChecker
+from style_core.phase_style.settings import GAP_S
 from style_core.predictor import Estimate, Prediction, Status
 
 __all__ = ['PaperPredictor', 'BatchResult', 'batch_em']
@@ -34,7 +35,7 @@ def _filters(behaviour, table, forgetting, step):
     filters = []
     for phase in phases:
         for speed in speeds:
-            one = PaperFilter(table, behaviour.noise, behaviour.acceleration, style, forgetting, step)
+            one = MatsubaraFilter(table, behaviour.noise, behaviour.acceleration, style, forgetting, step)
             one.start(phase, speed, width ** 2 / 3, spread ** 2)
             filters.append(one)
     return filters
@@ -60,14 +61,14 @@ class PaperPredictor:
         self._behaviour = behaviour
         self._forgetting = forgetting
         self._table = Table(tabulate(behaviour.processes(), behaviour.rhythmic))
-        self._gate = ObservationGate(len(self.joint_names))
+        self._observation = ObservationChecker(len(self.joint_names))
         # its R knows nothing of new people: only a change of the innovations tells
         self._monitor = InnovationMonitor(usual=(0.0, math.inf))
         self.reset()
 
     def reset(self):
         """Forget everything observed; the next update starts a search."""
-        self._gate.reset()
+        self._observation.reset()
         self._search()
 
     def _search(self):
@@ -79,8 +80,8 @@ class PaperPredictor:
 
     def update(self, time, y, mask=None):
         """Take one observation (see `style_core.predictor.OnlinePredictor.update`)."""
-        gate = self._gate
-        dt = gate.take(time, y, mask)
+        observation = self._observation
+        dt = observation.check(time, y, mask)
         if dt > GAP_S:
             self._search()
             dt = 0.0
@@ -88,7 +89,7 @@ class PaperPredictor:
             self._update_search(dt)
             status = Status.ACQUIRING
         else:
-            self._filter.update(gate.y, gate.observed, dt)
+            self._filter.update(observation.y, observation.observed, dt)
             status = Status.TRACKING
         current = self._filter
         lost = self._monitor.add(current.innovation, dt)
@@ -96,18 +97,18 @@ class PaperPredictor:
             status = Status.LOST
         covariance, style, style_covariance, mean, std = current.describe()
         return Estimate(
-            time=gate.time, phase=current.phase, phase_velocity=current.velocity, phase_covariance=covariance,
-            style=style, style_covariance=style_covariance, mean=mean, std=std, observed=gate.flags(),
+            time=observation.time, phase=current.phase, phase_velocity=current.velocity, phase_covariance=covariance,
+            style=style, style_covariance=style_covariance, mean=mean, std=std, observed=observation.flags(),
             innovation=current.innovation, log_likelihood=current.log_likelihood, status=status,
             behaviours={self._behaviour.name: 1.0})
 
     def _update_search(self, dt):
-        gate = self._gate
+        observation = self._observation
         for index, one in enumerate(self._hypotheses):
-            one.update(gate.y, gate.observed, dt)
+            one.update(observation.y, observation.observed, dt)
             self._scores[index] += one.log_likelihood
         self._filter = self._hypotheses[int(np.argmax(self._scores))]
-        if gate.observed.any():
+        if observation.observed.any():
             self._searched += 1
             self._searched_s += dt
         if self._searched >= SEARCH_UPDATES and self._searched_s >= SEARCH_S:
@@ -116,8 +117,8 @@ class PaperPredictor:
     def predict(self, horizons):
         """Predict at ``horizons`` (shape (H,), s after the last update, >= 0)."""
         horizons = np.array(horizons, dtype=float)
-        mean, std, velocity = self._filter.ahead(horizons)
-        horizons += self._gate.time or 0.0
+        mean, std, velocity = self._filter.forecast(horizons)
+        horizons += self._observation.time or 0.0
         return Prediction(horizons, mean, std, velocity)
 
 
@@ -187,7 +188,7 @@ def batch_em(behaviour, times, y, iterations=30, tolerance=1e-3):
     style = behaviour.styles.mean(axis=0)
     likelihoods, changes, converged = [], [], False
     for _ in range(iterations):
-        one = PaperFilter(table, behaviour.noise, behaviour.acceleration, style, 1.0, 1.0)
+        one = MatsubaraFilter(table, behaviour.noise, behaviour.acceleration, style, 1.0, 1.0)
         one.start(*start)
         phases, velocities, total = np.empty(len(y)), np.empty(len(y)), 0.0
         for frame, dt in enumerate(steps):
