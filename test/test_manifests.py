@@ -14,7 +14,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = sorted(path.parent for path in ROOT.glob('src/*/package.xml'))
 #: key of a module whose package is not called as the module is
 KEYS = {
-    **{name: f'python3-{name}' for name in ('numpy', 'scipy', 'matplotlib', 'tqdm', 'yaml', 'pytest', 'hypothesis')},
+    **{name: f'python3-{name}' for name in ('numpy', 'scipy', 'matplotlib', 'tqdm', 'yaml', 'pytest', 'hypothesis',
+                                                'serial')},
     'sklearn': 'python3-sklearn', 'rosbags': 'python3-rosbags-pip', 'Cython': 'python3-cython3-pip',
     'urdf_parser_py': 'urdfdom_py', 'dynamixel_easy_sdk': 'dynamixel_sdk', '_pytest': 'python3-pytest',
 }
@@ -77,7 +78,7 @@ def test_manifest_and_setup_agree(manifest):
 
 def test_no_file_compares_nothing():
     """The comparison sees imports at all: it would pass on empty sets."""
-    assert {'rclpy', 'numpy', 'yaml', 'dynamixel_sdk'} <= imported(ROOT / 'src/style_servo/style_servo')
+    assert {'rclpy', 'numpy', 'serial', 'dynamixel_sdk'} <= imported(ROOT / 'src/style_servo/style_servo')
     assert {'launch', 'lifecycle_msgs'} <= imported(ROOT / 'launch')
 
 
