@@ -11,6 +11,8 @@ from unittest import mock
 import numpy as np
 from action_msgs.msg import GoalStatus
 from controller_stand_in import SECOND, JointTrajectoryController, Message, Parameters, Point, message_of
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
 
 from style_core.errors import MotionError
 from style_core.follow.limiter import Limiter
@@ -274,7 +276,7 @@ class LockStep:
             self._tell(*pair)
 
     def _measure(self):
-        self.backend._on_state(SimpleNamespace(name=self.chain.names, position=self.position, velocity=(), effort=()))
+        self.backend._on_state(serialize_message(JointState(name=list(self.chain.names), position=self.position)))
 
     def _tell(self, goal, result):
         # the controller drops the reason of a goal that a newer one replaces
