@@ -313,7 +313,7 @@ def node(start, tmp_path):
                                                             for name, value in values.items()])
     node.rig, node.button = rig, Button(rig, 'latched')
     node.button.say(False)
-    executor = PromptExecutor(context=context, services_wait=False, mishap=node.mishap)
+    executor = PromptExecutor(context=context, services_wait=False)
     executor.add_node(node)
 
     def spin_until(condition, seconds=20.0):
