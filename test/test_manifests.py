@@ -10,6 +10,7 @@ import yaml
 
 catkin = pytest.importorskip('catkin_pkg.package')
 
+pytestmark = pytest.mark.no_middleware
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = sorted(path.parent for path in ROOT.glob('src/*/package.xml'))
 #: key of a module whose package is not called as the module is

@@ -13,6 +13,7 @@ from style_core.synthesis.sources.phase_style import CycleSource
 from style_core.synthetic import synthetic_people
 from style_predictor.parameters import horizons_of
 
+pytestmark = pytest.mark.no_middleware
 CHAIN = chain_of()
 SECONDS, SETTLED = 4.0, 1.5
 CONTROLLERS = (100, 200, 500, 1000)

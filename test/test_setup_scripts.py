@@ -12,6 +12,8 @@ sys.path.insert(0, str(ROOT / 'scripts'))
 
 from ros_prefix import debian, downloads, licence  # noqa: E402
 
+pytestmark = pytest.mark.no_middleware
+
 
 @pytest.fixture
 def cache(tmp_path, monkeypatch):

@@ -9,6 +9,13 @@ import pytest
 from style_servo.dynamixel_sim import tell
 
 
+def pytest_collection_modifyitems(items):
+    """Nothing in this folder sends over ROS 2; one file reads what the middleware serialises."""
+    for item in items:
+        if item.path.parent.parent.name == 'style_servo' and item.path.name != 'test_trajectory_message.py':
+            item.add_marker('no_middleware')
+
+
 class Simulator:
     """A running dynamixel_sim."""
 
