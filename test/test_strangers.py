@@ -264,8 +264,9 @@ def test_a_signal_while_a_model_is_loaded_ends_the_node(start, name):
 
 
 def test_parameters_that_were_dumped_can_be_given_again(predictor, start, tmp_path):
-    dumped = subprocess.run(['ros2', 'param', 'dump', '/predictor'], stdout=subprocess.PIPE, text=True, timeout=60,
-                            env=predictor.environment)
+    # its own discovery, with time for it: the daemon may be another test's
+    dumped = subprocess.run(['ros2', 'param', 'dump', '--no-daemon', '--spin-time', '5', '/predictor'],
+                            stdout=subprocess.PIPE, text=True, timeout=60, env=predictor.environment)
     assert 'masked_joints' in dumped.stdout
     (tmp_path / 'dump.yaml').write_text(dumped.stdout)
     again = start('predictor', '--params-file', str(tmp_path / 'dump.yaml')).begin()
