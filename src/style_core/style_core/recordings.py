@@ -4,7 +4,7 @@ import warnings
 import numpy as np
 
 from style_core.angles import continuous, matrices_of
-from style_core.formats import read_motion
+from style_core.formats import carried, read_motion
 
 __all__ = ['read_recording']
 
@@ -12,8 +12,6 @@ __all__ = ['read_recording']
 FASTEST_RAD_S = 100.0
 #: share of a joint's frames, and of the joints, that must be so fast before units or rate are doubted: less is a sensor
 _FAST_SHARE, _FAST_JOINTS = 0.01, 0.25
-#: formats whose angles may be in any unit
-_NO_UNITS = ('.csv', '.npz', '.mcap', '.db3', '')
 
 
 def read_recording(path, skeleton=None, start_s=None, stop_s=None, as_filed=False, **options):
@@ -52,9 +50,8 @@ def read_recording(path, skeleton=None, start_s=None, stop_s=None, as_filed=Fals
 
 
 def _doubts(motion, path):
-    suffix = '.' + path.rpartition('.')[2].lower() if '.' in path.rpartition('/')[2] else ''
     angles = [column for column, unit in enumerate(motion.units) if unit == 'rad']
-    if suffix in _NO_UNITS and not motion.triples and angles:
+    if not carried(path)['has_units'] and not motion.triples and angles:
         with np.errstate(invalid='ignore'):
             beyond = [motion.joint_names[c] for c in angles if (np.abs(motion.positions[:, c]) > 2 * np.pi).any()]
         if beyond:

@@ -221,6 +221,8 @@ def read_skeleton(path, length_m=None):
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in _READERS:
+        from style_core.formats import refuse
+        refuse(path)
         raise MotionError(f'{path}: skeletons are read from {", ".join(_READERS)} files, not {suffix!r}')
     reader = importlib.import_module(_READERS[suffix]).read_skeleton
     if length_m is None:

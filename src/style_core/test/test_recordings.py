@@ -374,9 +374,3 @@ def test_people_of_others_stand_on_the_floor_at_their_height(name, rate, height)
 def test_robots_of_others_are_read(name):
     skeleton = read_skeleton(wild(f'urdf/{name}.urdf'))
     assert len(skeleton.channel_names) >= 20 and np.isfinite(skeleton.rest()[0]).all()
-
-
-@pytest.mark.parametrize('name', ['opensim/leg39_swing_short.trc', 'opensim/subject01_walk1_ik.mot'])
-def test_formats_that_are_not_read_are_refused_by_name(name):
-    with pytest.raises(MotionError, match='no format'):
-        read_recording(wild(name))

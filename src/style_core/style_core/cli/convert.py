@@ -14,6 +14,7 @@ What a format cannot hold is refused with the reason (missing values in BVH or A
 replaced only by a complete new one.
 """
 import argparse
+from pathlib import Path
 
 import numpy as np
 
@@ -74,6 +75,6 @@ def _where(path, args):
     """Options that concern one side only."""
     if path.lower().endswith('.bvh'):
         return {'length_m': args.length_unit}
-    if path.lower().endswith(('.amc', '.csv', '.npz')):
-        return {}
-    return {'topic': args.topic}
+    if Path(path).is_dir() or Path(path).suffix.lower() in ('.mcap', '.db3', '.bag', ''):
+        return {'topic': args.topic}
+    return {}

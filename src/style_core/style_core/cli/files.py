@@ -4,13 +4,14 @@ import os
 from pathlib import Path
 
 from style_core.errors import UsageError
-from style_core.formats import FORMATS
+from style_core.formats import written_suffixes
 
 __all__ = ['add_output', 'check_outputs']
 
 #: what is written -> suffixes that say so
 _SUFFIXES = {
-    'motion': tuple(sorted(filter(None, FORMATS))), 'model': ('.npz',), 'table': ('.csv',),
+    'motion': None,  # of the formats that are written
+    'model': ('.npz',), 'table': ('.csv',),
     'picture': ('.png', '.pdf', '.svg'), 'graph': ('.png', '.pdf', '.svg', '.dot'), 'robot': ('.yaml', '.yml')}
 
 
@@ -78,7 +79,7 @@ def check_outputs(args):
 
 
 def _check_name(output, storage):
-    suffixes, path = _SUFFIXES[output.what], Path(output)
+    suffixes, path = _SUFFIXES[output.what] or written_suffixes(), Path(output)
     suffix = path.suffix.lower()
     if output.what == 'motion' and not suffix:
         if storage is None:

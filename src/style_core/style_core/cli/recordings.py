@@ -2,6 +2,7 @@
 from pathlib import Path
 
 from style_core.cli.number import Positive
+from style_core.formats import carried
 from style_core.recordings import read_recording as read
 
 __all__ = ['add_recorded_rate', 'read_recording', 'named_recording']
@@ -21,10 +22,10 @@ def read_recording(path, recorded_rate=None, unit=None, **options):
     Among several recordings a rate is not for those that say their own; a command for a single one passes ``rate_hz``,
     which is refused where it means nothing.
     """
-    suffix = Path(path).suffix.lower()
-    if recorded_rate and suffix in ('.amc', '.bvh'):
+    known = carried(path)['options'] if recorded_rate or unit else ()
+    if recorded_rate and 'rate_hz' in known:
         options['rate_hz'] = recorded_rate
-    if unit and suffix == '.csv':
+    if unit and 'unit' in known:
         options['unit'] = unit
     return read(path, **options)
 

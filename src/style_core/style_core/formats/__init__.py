@@ -5,10 +5,11 @@ from pathlib import Path
 
 from style_core.errors import MotionError
 
-__all__ = ['FORMATS', 'read_motion', 'write_motion', 'skeleton_of']
+__all__ = ['FORMATS', 'carried', 'read_motion', 'refuse', 'write_motion', 'skeleton_of', 'written_suffixes']
 
-#: suffix -> module with ``read(path, **options) -> Motion``, ``write(motion, path, **options)`` and the names of
-#: both functions' options in ``READ_OPTIONS`` and ``WRITE_OPTIONS``
+#: suffix -> module with ``read(path, **options) -> Motion`` and the names of its options in ``READ_OPTIONS``. Where it
+#: writes, ``write(motion, path, **options)`` and ``WRITE_OPTIONS``. It says itself what it carries: ``SKELETON``
+#: ('inside', 'beside' or None), ``CHANNELS`` (their names and units, a text) and ``HAS_UNITS`` (whether units are certain)
 FORMATS = {
     '.amc': 'style_core.formats.amc',
     '.bvh': 'style_core.formats.bvh',
@@ -17,6 +18,20 @@ FORMATS = {
     '.mcap': 'style_core.formats.bag',
     '.db3': 'style_core.formats.bag',
     '': 'style_core.formats.bag',  # a folder
+    '.mot': 'style_core.formats.opensim',
+    '.sto': 'style_core.formats.opensim',
+}
+
+#: suffix -> what it is, and how to get from there to something that is read
+_REFUSED = {
+    '.c3d': 'markers, not joint angles: run inverse kinematics (OpenSim, Visual3D, Nexus) and give its .mot file or a '
+            'table of angles',
+    '.trc': 'markers, not joint angles: run inverse kinematics in OpenSim and give its .mot file',
+    '.fbx': "a closed format: import it into Blender and export the armature's motion as .bvh",
+    '.xacro': 'a template: expand it, ros2 run xacro xacro robot.urdf.xacro > robot.urdf',
+    '.xml': "if it is MuJoCo's MJCF, give the .urdf of the same robot instead",
+    '.mjcf': "MuJoCo's model: give the .urdf of the same robot instead",
+    '.pkl': 'a pickle, which can run programs and is never read: save its arrays as .npz',
 }
 
 
@@ -97,6 +112,8 @@ def write_motion(motion, path, skeleton=None, **options):
     """
     path = Path(path)
     module = _module(path)
+    if not hasattr(module, 'write'):
+        raise MotionError(f'{path}: {path.suffix} files are read only; written are {", ".join(written_suffixes())}')
     module.write(motion, path, **_fitting(path, module.WRITE_OPTIONS, dict(options, skeleton=skeleton)))
 
 
@@ -107,9 +124,10 @@ def skeleton_of(path, length_m=None):
     the length unit of a BVH file (0.01 where left out).
     """
     path = Path(path)
-    if path.suffix.lower() == '.bvh' and path.is_file():
+    kind = carried(path)['skeleton'] if path.suffix.lower() in FORMATS else None
+    if kind == 'inside' and path.is_file():
         return _read_skeleton(path, path.stat().st_mtime_ns, length_m)
-    if path.suffix.lower() == '.amc':
+    if kind == 'beside':
         beside = {file.stem: file for file in path.parent.glob('*.[aA][sS][fF]')}
         for stem in (path.stem, path.stem.split('_')[0], next(iter(beside)) if len(beside) == 1 else None):
             if stem in beside:
@@ -124,10 +142,48 @@ def _read_skeleton(path, modified_ns, length_m=None):
     return read_skeleton(path, length_m)
 
 
+def carried(path):
+    """What a format says of itself.
+
+    Parameters
+    ----------
+    path : path-like
+        A file, which need not be there, or a bag's folder.
+
+    Returns
+    -------
+    dict
+        ``skeleton``: 'inside' the file, 'beside' it, or None; ``channels``: their names and units in words;
+        ``has_units``: whether the units are certain; ``written``: whether it can be written; ``options`` of reading.
+
+    Raises
+    ------
+    MotionError
+        If no format has the suffix.
+    """
+    module = _module(Path(path))
+    return {'skeleton': module.SKELETON, 'channels': module.CHANNELS, 'has_units': module.HAS_UNITS,
+            'written': hasattr(module, 'write'), 'options': module.READ_OPTIONS}
+
+
+def written_suffixes():
+    """Suffixes of the formats that can be written, sorted."""
+    return tuple(sorted(suffix for suffix, name in FORMATS.items()
+                        if suffix and hasattr(importlib.import_module(name), 'write')))
+
+
+def refuse(path):
+    """Raise MotionError where a file is of a kind that is known and not read; it says how to get from there."""
+    suffix = Path(path).suffix.lower()
+    if suffix in _REFUSED and not Path(path).is_dir():
+        raise MotionError(f'{path}: no format that is read has the suffix {suffix!r}: {_REFUSED[suffix]}')
+
+
 def _module(path):
     suffix = path.suffix.lower()
     if path.is_dir():
         suffix = ''
+    refuse(path)
     if suffix not in FORMATS:
         known = ', '.join(sorted(filter(None, FORMATS)))
         raise MotionError(f'{path}: no format has the suffix {suffix!r}; known are {known}, and folders as bags')

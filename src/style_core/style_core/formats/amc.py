@@ -13,6 +13,9 @@ __all__ = ['read', 'write', 'CMU_DOFS', 'CMU_LENGTH_M', 'DEFAULT_RATE_HZ']
 
 READ_OPTIONS = ('skeleton', 'rate_hz')
 WRITE_OPTIONS = ('skeleton',)
+SKELETON = 'beside'
+CHANNELS = 'lfemur.rx [rad], root.tx [m]'
+HAS_UNITS = True
 
 #: every recording of the CMU database runs at this rate; the files do not say so
 DEFAULT_RATE_HZ = 120.0

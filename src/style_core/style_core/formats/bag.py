@@ -15,6 +15,9 @@ __all__ = ['read', 'write', 'topics', 'JOINT_STATE', 'DEFAULT_TOPIC']
 
 READ_OPTIONS = ('topic', 'start_s', 'stop_s')
 WRITE_OPTIONS = ('topic', 'storage')
+SKELETON = None
+CHANNELS = 'as the messages name them'
+HAS_UNITS = False
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 DEFAULT_TOPIC = '/joint_states'

@@ -15,6 +15,9 @@ __all__ = ['read', 'write', 'read_skeleton', 'DEFAULT_LENGTH_M']
 
 READ_OPTIONS = ('length_m', 'rate_hz')
 WRITE_OPTIONS = ('skeleton', 'length_m')
+SKELETON = 'inside'
+CHANNELS = 'Hips.rx [rad], Hips.tx [m]'
+HAS_UNITS = True
 
 #: BVH files name no unit; most use centimetres
 DEFAULT_LENGTH_M = 0.01

@@ -16,6 +16,9 @@ __all__ = ['read', 'write']
 
 READ_OPTIONS = ('unit',)
 WRITE_OPTIONS = ()
+SKELETON = None
+CHANNELS = 'as the header names them'
+HAS_UNITS = False
 
 _COMMENT = '# rotation orders: '
 #: a header may end in a unit: ``knee [deg]``, ``knee (deg)``, ``knee_deg``

@@ -10,6 +10,9 @@ __all__ = ['read', 'write']
 
 READ_OPTIONS = ()
 WRITE_OPTIONS = ()
+SKELETON = None
+CHANNELS = "as joint_names says, or SMPL's: left_hip.rx [rad], pelvis.tx [m]"
+HAS_UNITS = False
 
 _FIELDS = ('joint_names', 'positions', 'times', 'units', 'name', 'epoch_ns', 'orders')
 
