@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from style_core.cli import main, registry
-from style_core.formats import FORMATS, read_motion, write_motion
+from style_core.formats import read_motion, write_motion, written_suffixes
 from style_core.motion import Motion
 
 RUN = [sys.executable, '-c', 'import sys; from style_core.cli import main; sys.exit(main())']
@@ -85,7 +85,7 @@ def test_places_where_nothing_can_be_written_are_named_before_any_work(walk, tmp
     refused(capsys, ['train', 'locomotion', walk, '-o', tmp_path / 'x.csv'], 2, 'model file must end in .npz')
 
 
-@pytest.mark.parametrize('suffix', sorted(set(FORMATS) - {'.db3', '.amc', '.bvh'}))
+@pytest.mark.parametrize('suffix', sorted(set(written_suffixes()) - {'.db3', '.amc', '.bvh'}))
 def test_a_full_disk_is_one_line_and_the_old_file_stays(suffix, tmp_path):
     """A limit on the size of files stands in for a full disk."""
     big = Motion([f'j{k}' for k in range(40)], np.random.default_rng(0).random((4000, 40)), np.arange(4000) / 100)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from style_core.cli import main
 from style_core.errors import MotionError
@@ -109,3 +110,86 @@ def test_of_a_states_file_the_coordinates_count(tmp_path):
 def test_damaged_and_other_opensim_files_say_where(tmp_path, change, words):
     with pytest.raises(MotionError, match=words):
         read_motion(written(tmp_path, 'a.mot', MOT.replace(*change)))
+
+
+# ---------------------------------------------------------------------------------------------- ROS 1
+
+def ros1_bag(path, names, positions, stamps, topic='/joint_states'):
+    """Recorded by the library that also reads it: the format itself is judged by its own writer."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+    store = get_typestore(Stores.ROS1_NOETIC)
+    state, header, time = (store.types[name] for name in
+                           ('sensor_msgs/msg/JointState', 'std_msgs/msg/Header', 'builtin_interfaces/msg/Time'))
+    with Writer(path) as bag:
+        connection = bag.add_connection(topic, 'sensor_msgs/msg/JointState', typestore=store)
+        for number, (stamp, row) in enumerate(zip(stamps.tolist(), positions)):
+            at = time(sec=stamp // 10**9, nanosec=stamp % 10**9)
+            message = state(header=header(seq=number, stamp=at, frame_id=''), name=list(names), position=row,
+                            velocity=np.empty(0), effort=np.empty(0))
+            bag.write(connection, stamp, store.serialize_ros1(message, 'sensor_msgs/msg/JointState'))
+    return path
+
+
+def test_bags_of_ros_1(tmp_path, gait):
+    path = ros1_bag(tmp_path / 'walk.bag', gait.joint_names, gait.positions, 1_500_000_000 * 10**9 + np.round(gait.times * 1e9).astype(int))
+    motion = quietly(path)
+    assert motion.joint_names == gait.joint_names and motion.epoch_ns == 1_500_000_000 * 10**9
+    np.testing.assert_array_equal(motion.positions, gait.positions)
+    np.testing.assert_allclose(motion.times, gait.times, atol=1e-9)
+    assert main(['convert', str(path), str(tmp_path / 'b'), '--storage', 'sqlite3', '--start', '1', '--stop', '2']) == 0
+    assert read_motion(tmp_path / 'b').n_frames == 100
+    with pytest.raises(MotionError, match='/other'):
+        read_motion(path, topic='/other')
+    with pytest.raises(MotionError, match='read only'):
+        write_motion(gait, tmp_path / 'c.bag')
+
+
+# ---------------------------------------------------------------------------------------------- AMASS
+
+def amass(path, joints, rate=100.0, key='mocap_framerate', **changes):
+    rng = np.random.default_rng(joints)
+    poses = np.cumsum(0.05 * rng.standard_normal((40, 3 * joints)), axis=0)
+    fields = {'poses': poses, 'trans': rng.standard_normal((40, 3)), 'betas': np.zeros(16), 'gender': np.array('male'),
+              'dmpls': np.zeros((40, 8)), key: np.array(rate), **changes}
+    np.savez(path, **{name: value for name, value in fields.items() if value is not None})
+    return fields
+
+
+@pytest.mark.parametrize('joints, key', [(22, 'mocap_framerate'), (24, 'mocap_framerate'), (52, 'mocap_framerate'),
+                                         (55, 'mocap_frame_rate')])
+def test_poses_of_amass_are_the_rotations_of_scipy(tmp_path, joints, key):
+    fields = amass(tmp_path / 'a_poses.npz', joints, key=key)
+    motion = quietly(tmp_path / 'a_poses.npz')
+    assert motion.rate_hz == 100 and motion.n_joints == 3 + 3 * joints and motion.units[:4] == ('m', 'm', 'm', 'rad')
+    np.testing.assert_array_equal(motion.positions[:, :3], fields['trans'])
+    for place, (joint, triple) in enumerate(motion.triples.items()):
+        ours = Rotation.from_euler('xyz', motion.positions[:, triple])
+        theirs = Rotation.from_rotvec(fields['poses'][:, 3 * place:3 * place + 3])
+        assert (ours * theirs.inv()).magnitude().max() < 1e-7, joint
+    names = list(motion.triples)
+    assert names[0] == 'pelvis' and names[4] == 'left_knee' and names[21] == 'right_wrist'
+    assert names[22:] == {22: [], 24: ['left_hand', 'right_hand']}.get(joints, names[22:])
+    if joints == 55:
+        assert names[22:26] == ['jaw', 'left_eye', 'right_eye', 'left_index1'] and names[-1] == 'right_thumb3'
+
+
+@pytest.mark.parametrize('changes, words', [
+    ({'mocap_framerate': None}, '--recorded-rate'), ({'mocap_framerate': np.array(0)}, 'positive'),
+    ({'trans': np.zeros((3, 3))}, 'trans'), ({'poses': np.zeros((40, 70))}, 'shape'),
+    ({'poses': np.full((40, 72), np.nan)}, 'finite')])
+def test_archives_of_amass_that_do_not_fit_say_why(tmp_path, changes, words):
+    amass(tmp_path / 'a.npz', 24, **changes)
+    with pytest.raises(MotionError, match=words):
+        read_motion(tmp_path / 'a.npz')
+    if 'mocap_framerate' in changes and changes['mocap_framerate'] is None:
+        assert read_motion(tmp_path / 'a.npz', rate_hz=50.0).rate_hz == 50
+        assert main(['convert', str(tmp_path / 'a.npz'), str(tmp_path / 'a.csv'), '--recorded-rate', '50']) == 0
+
+
+def test_a_rate_that_an_archive_has_counts(tmp_path, gait):
+    amass(tmp_path / 'a.npz', 24)
+    write_motion(gait, tmp_path / 'b.npz')
+    for name in 'ab':
+        with pytest.warns(UserWarning, match='not used'):
+            assert read_motion(tmp_path / f'{name}.npz', rate_hz=50.0).rate_hz == 100

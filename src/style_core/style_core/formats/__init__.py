@@ -18,6 +18,7 @@ FORMATS = {
     '.mcap': 'style_core.formats.bag',
     '.db3': 'style_core.formats.bag',
     '': 'style_core.formats.bag',  # a folder
+    '.bag': 'style_core.formats.bag',
     '.mot': 'style_core.formats.opensim',
     '.sto': 'style_core.formats.opensim',
 }
@@ -112,7 +113,7 @@ def write_motion(motion, path, skeleton=None, **options):
     """
     path = Path(path)
     module = _module(path)
-    if not hasattr(module, 'write'):
+    if not path.is_dir() and not _writes(path.suffix.lower()):
         raise MotionError(f'{path}: {path.suffix} files are read only; written are {", ".join(written_suffixes())}')
     module.write(motion, path, **_fitting(path, module.WRITE_OPTIONS, dict(options, skeleton=skeleton)))
 
@@ -163,13 +164,17 @@ def carried(path):
     """
     module = _module(Path(path))
     return {'skeleton': module.SKELETON, 'channels': module.CHANNELS, 'has_units': module.HAS_UNITS,
-            'written': hasattr(module, 'write'), 'options': module.READ_OPTIONS}
+            'written': _writes(Path(path).suffix.lower()), 'options': module.READ_OPTIONS}
 
 
 def written_suffixes():
     """Suffixes of the formats that can be written, sorted."""
-    return tuple(sorted(suffix for suffix, name in FORMATS.items()
-                        if suffix and hasattr(importlib.import_module(name), 'write')))
+    return tuple(sorted(suffix for suffix in FORMATS if suffix and _writes(suffix)))
+
+
+def _writes(suffix):
+    module = importlib.import_module(FORMATS.get(suffix, FORMATS['']))
+    return hasattr(module, 'write') and suffix not in getattr(module, 'READ_ONLY', ())
 
 
 def refuse(path):

@@ -1,4 +1,4 @@
-"""ROS 2 bags of ``sensor_msgs/msg/JointState`` (sqlite3 and MCAP), read and written without ROS."""
+"""ROS 2 bags of ``sensor_msgs/msg/JointState`` (sqlite3 and MCAP), read and written without ROS; ROS 1 bags are read."""
 import contextlib
 import os
 import shutil
@@ -15,6 +15,8 @@ __all__ = ['read', 'write', 'topics', 'JOINT_STATE', 'DEFAULT_TOPIC']
 
 READ_OPTIONS = ('topic', 'start_s', 'stop_s')
 WRITE_OPTIONS = ('topic', 'storage')
+#: suffixes that are not written (of ROS 1)
+READ_ONLY = ('.bag',)
 SKELETON = None
 CHANNELS = 'as the messages name them'
 HAS_UNITS = False
@@ -49,7 +51,7 @@ def read(path, topic=None, start_s=None, stop_s=None):
     Parameters
     ----------
     path : path-like
-        Folder of the bag, or a ``.mcap`` or ``.db3`` file.
+        Folder of the bag, or a ``.mcap`` or ``.db3`` file; or the ``.bag`` file of ROS 1.
     topic : str, optional
         The only topic of joint states, or ``/joint_states``, where left out.
     start_s, stop_s : float, optional
@@ -72,8 +74,7 @@ def read(path, topic=None, start_s=None, stop_s=None):
     UserWarning
         With the number of messages that could not be used, and of values that are infinite.
     """
-    from rosbags.typesys import Stores, get_typestore
-    store = get_typestore(Stores.ROS2_HUMBLE)
+    message_of = _deserializer(path)
     with _open(path) as reader:
         known = sorted({connection.topic for connection in reader.connections if connection.msgtype == JOINT_STATE})
         if topic is None:
@@ -87,8 +88,8 @@ def read(path, topic=None, start_s=None, stop_s=None):
         if first is None:
             raise MotionError(f'{path} has no message on {topic}')
         limits = [None if limit is None else int(first[1] + round(limit * 1e9)) for limit in (start_s, stop_s)]
-        origin = _stamp(store.deserialize_cdr(first[2], JOINT_STATE), first[1])
-        series = _series(path, ((store.deserialize_cdr(data, JOINT_STATE), recorded) for _, recorded, data in
+        origin = _stamp(message_of(first[2]), first[1])
+        series = _series(path, ((message_of(data), recorded) for _, recorded, data in
                                 reader.messages(connections, start=limits[0], stop=limits[1])))
     if not series:
         raise MotionError(f'{path} has no joint positions on {topic}'
@@ -165,8 +166,11 @@ def write(motion, path, topic=None, storage=None):
 @contextlib.contextmanager
 def _open(path):
     """A reader of the bag; whatever its library stumbles over in a damaged bag becomes a MotionError."""
-    from rosbags.rosbag2 import Reader
     path = Path(path)
+    if _of_ros1(path):
+        from rosbags.rosbag1 import Reader
+    else:
+        from rosbags.rosbag2 import Reader
     if not path.exists():
         raise MotionError(f'{path} does not exist')
     if path.is_dir() and not (path / 'metadata.yaml').is_file():
@@ -178,6 +182,20 @@ def _open(path):
         raise
     except Exception as error:
         raise MotionError(f'{path} is not a readable bag (damaged or truncated?): {error}') from None
+
+
+def _of_ros1(path):
+    return Path(path).suffix.lower() == '.bag' and not Path(path).is_dir()
+
+
+def _deserializer(path):
+    """Function that makes a joint state of a message's bytes."""
+    from rosbags.typesys import Stores, get_typestore
+    if _of_ros1(path):
+        store = get_typestore(Stores.ROS1_NOETIC)
+        return lambda data: store.deserialize_ros1(data, JOINT_STATE)
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    return lambda data: store.deserialize_cdr(data, JOINT_STATE)
 
 
 def _is_bag(path):

@@ -1,14 +1,17 @@
-"""NumPy archives (``.npz``): a motion exactly as it is, never pickled."""
+"""NumPy archives (``.npz``): a motion exactly as it is, never pickled; or the poses of a body model (AMASS)."""
+import warnings
+
 import numpy as np
 
 from style_core.archive import read_archive
 from style_core.errors import MotionError
+from style_core.formats import smpl
 from style_core.formats.files import replacing
 from style_core.motion import Motion
 
 __all__ = ['read', 'write']
 
-READ_OPTIONS = ()
+READ_OPTIONS = ('rate_hz',)
 WRITE_OPTIONS = ()
 SKELETON = None
 CHANNELS = "as joint_names says, or SMPL's: left_hip.rx [rad], pelvis.tx [m]"
@@ -17,16 +20,24 @@ HAS_UNITS = False
 _FIELDS = ('joint_names', 'positions', 'times', 'units', 'name', 'epoch_ns', 'orders')
 
 
-def read(path):
-    """Read a motion that `write` wrote; any archive with ``joint_names``, ``positions`` and ``times`` will do."""
+def read(path, rate_hz=None):
+    """Read a motion that `write` wrote; any archive with ``joint_names``, ``positions`` and ``times`` will do.
+
+    An archive with ``poses`` in their place is read by `style_core.formats.smpl`; ``rate_hz`` is for one that lacks its
+    frame rate, others keep theirs with a UserWarning.
+    """
     try:
-        fields = read_archive(path, _FIELDS)
+        fields = read_archive(path, _FIELDS + smpl.FIELDS)
     except FileNotFoundError:
         raise MotionError(f'{path} does not exist') from None
     except IsADirectoryError:
         raise MotionError(f'{path} is a folder') from None
     except (OSError, ValueError) as error:
         raise MotionError(f'{path} is not a readable NumPy archive: {error}') from None
+    if 'poses' in fields and 'positions' not in fields:
+        return smpl.motion_of(path, fields, rate_hz)
+    if rate_hz is not None:
+        warnings.warn(f'{path} has its own times: the rate of {rate_hz:g} Hz is not used', stacklevel=3)
     absent = [key for key in _FIELDS[:3] if key not in fields]
     if absent:
         raise MotionError(f'{path} is no motion: it lacks {", ".join(absent)}')
