@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from style_core.angles import matrices_of
 from style_core.cli import main
 from style_core.errors import MotionError
 from style_core.formats import FORMATS, carried, read_motion, skeleton_of, write_motion, written_suffixes
@@ -94,8 +95,9 @@ def test_opensim_without_a_unit_asks_for_one(tmp_path):
 
 def test_of_a_states_file_the_coordinates_count(tmp_path):
     path = written(tmp_path, 'a.sto', (
-        'ModelStates\ninDegrees=no\nendheader\ntime /jointset/hip_r/hip_flexion_r/value /jointset/hip_r/hip_flexion_r/'
-        'speed /forceset/soleus_r/activation /jointset/ground_pelvis/pelvis_tx/value\n0 0.1 7 8 0.5\n0.1 0.2 7 8 0.6\n'))
+        'ModelStates\ninDegrees=no\nendheader\ntime /jointset/hip_r/hip_flexion_r/value '
+        '/jointset/hip_r/hip_flexion_r/speed /forceset/soleus_r/activation /jointset/ground_pelvis/pelvis_tx/value\n'
+        '0 0.1 7 8 0.5\n0.1 0.2 7 8 0.6\n'))
     with pytest.warns(UserWarning, match='2 columns'):
         motion = read_motion(path)
     assert motion.joint_names == ('hip_flexion_r', 'pelvis_tx') and motion.units == ('rad', 'm')
@@ -132,7 +134,8 @@ def ros1_bag(path, names, positions, stamps, topic='/joint_states'):
 
 
 def test_bags_of_ros_1(tmp_path, gait):
-    path = ros1_bag(tmp_path / 'walk.bag', gait.joint_names, gait.positions, 1_500_000_000 * 10**9 + np.round(gait.times * 1e9).astype(int))
+    stamps = 1_500_000_000 * 10**9 + np.round(gait.times * 1e9).astype(int)
+    path = ros1_bag(tmp_path / 'walk.bag', gait.joint_names, gait.positions, stamps)
     motion = quietly(path)
     assert motion.joint_names == gait.joint_names and motion.epoch_ns == 1_500_000_000 * 10**9
     np.testing.assert_array_equal(motion.positions, gait.positions)
@@ -193,3 +196,78 @@ def test_a_rate_that_an_archive_has_counts(tmp_path, gait):
     for name in 'ab':
         with pytest.warns(UserWarning, match='not used'):
             assert read_motion(tmp_path / f'{name}.npz', rate_hz=50.0).rate_hz == 100
+
+
+# ---------------------------------------------------------------------------------------------- Xsens
+
+def mvnx(path, frames=5, rate='120', changes=()):
+    """A file of the structure that MVN's user manual prints, with its calibration poses; returns what is in it."""
+    rng = np.random.default_rng(3)
+    turns = Rotation.from_rotvec(np.cumsum(0.1 * rng.standard_normal((frames, 3)), axis=0))
+    x, y, z, w = turns.as_quat().T
+    pelvis, places = np.column_stack([w, x, y, z]), rng.standard_normal((frames, 6))
+    angles = np.cumsum(rng.uniform(-5, 5, (frames, 6)), axis=0)
+
+    def words(values):
+        return ' '.join(f'{value:.9f}' for value in values)
+
+    rows = ''.join(f'<frame time="{round(k * 1000 / 120)}" index="{k}" tc="12:00:00:00" ms="{1700000000000 + 8 * k}" '
+                   f'type="normal"><orientation>{words(pelvis[k])} 1 0 0 0</orientation>'
+                   f'<position>{words(places[k])}</position><jointAngle>{words(angles[k])}</jointAngle>'
+                   f'<jointAngleXZY>0 0 0 0 0 0</jointAngleXZY></frame>\n' for k in range(frames))
+    text = ('<?xml version="1.0" encoding="UTF-8"?>\n<mvnx xmlns="http://www.xsens.com/mvn/mvnx" version="4">\n'
+            f'<mvn version="2021"/><comment/><subject label="S1" frameRate="{rate}" segmentCount="2">\n'
+            '<segments><segment label="Pelvis" id="1"/><segment label="RightUpperLeg" id="2"/></segments>\n'
+            '<joints><joint label="jRightHip"/><joint label="jRightKnee"/></joints>\n'
+            '<frames segmentCount="2" sensorCount="0" jointCount="2">\n'
+            '<frame time="0" index="" tc="" ms="" type="identity"><orientation>1 0 0 0 1 0 0 0</orientation>'
+            '<position>0 0 0 0 0 0</position></frame>\n'
+            f'<frame time="0" index="" type="tpose"><orientation>1 0 0 0 1 0 0 0</orientation></frame>\n{rows}'
+            '</frames></subject></mvnx>\n')
+    for before, after in changes:
+        assert before in text
+        text = text.replace(before, after)
+    path.write_text(text)
+    return turns, places, angles
+
+
+def test_joint_angles_of_xsens(tmp_path):
+    turns, places, angles = mvnx(tmp_path / 'a.mvnx')
+    motion = quietly(tmp_path / 'a.mvnx')
+    assert motion.joint_names[:6] == tuple(f'Pelvis.{kind}{axis}' for kind in 'tr' for axis in 'xyz')
+    assert motion.joint_names[6:9] == ('jRightHip.rx', 'jRightHip.ry', 'jRightHip.rz')
+    assert motion.rate_hz == pytest.approx(120) and motion.epoch_ns == 1_700_000_000 * 10**9
+    np.testing.assert_allclose(motion.positions[:, :3], places[:, :3], atol=1e-9)
+    np.testing.assert_allclose(motion.positions[:, 6:], np.radians(angles), atol=1e-9)
+    ours = Rotation.from_euler('xyz', motion.joints([f'Pelvis.r{axis}' for axis in 'xyz']).positions)
+    assert (ours * turns.inv()).magnitude().max() < 1e-7
+    # flexion about z, then abduction about the turned x, then rotation about the turned y
+    hip = Rotation.from_euler('ZXY', angles[:, [2, 0, 1]], degrees=True).as_matrix()
+    np.testing.assert_allclose(matrices_of(motion.positions[:, 6:9], motion.order_of('jRightHip')), hip, atol=1e-9)
+
+
+def test_another_parser_of_xsens_files_finds_the_same(tmp_path):
+    parser = pytest.importorskip('mvnx_parser')
+    mvnx(tmp_path / 'a.mvnx')
+    theirs = parser.Mvnx_p(str(tmp_path / 'a.mvnx'))
+    motion = read_motion(tmp_path / 'a.mvnx')
+    np.testing.assert_allclose(motion.positions[:, 6:], np.radians(np.array(theirs.jointAngle, float).reshape(5, 6)),
+                               atol=1e-12)
+    np.testing.assert_allclose(motion.positions[:, :3], np.array(theirs.position, float)[:, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize('changes, words', [
+    ((('jointAngle>', 'jointAngleErgo>'),), 'no joint angles'), ((('label="jRightHip"', ''),), 'labels'),
+    ((('<mvnx ', '<mvn '), ('</mvnx>', '</mvn>')), 'not an <mvnx>'), ((('</subject>', ''),), 'well-formed'),
+    ((('type="normal"', 'type="other"'),), 'no frame'), ((('index="3"', 'index="1"'),), 'increase'),
+    ((('index="3"', 'index="x"'),), 'finite'), ((('<position>', '<position>1 '),), 'position has 7')])
+def test_damaged_files_of_xsens_say_why(tmp_path, changes, words):
+    mvnx(tmp_path / 'a.mvnx', changes=changes)
+    with pytest.raises(MotionError, match=words):
+        read_motion(tmp_path / 'a.mvnx')
+
+
+def test_xsens_without_a_rate_has_the_times_of_its_frames(tmp_path):
+    mvnx(tmp_path / 'a.mvnx', rate='')
+    with pytest.warns(UserWarning, match='whole milliseconds'):
+        assert read_motion(tmp_path / 'a.mvnx').times.tolist() == [0, 0.008, 0.017, 0.025, 0.033]

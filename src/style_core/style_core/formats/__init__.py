@@ -21,6 +21,7 @@ FORMATS = {
     '.bag': 'style_core.formats.bag',
     '.mot': 'style_core.formats.opensim',
     '.sto': 'style_core.formats.opensim',
+    '.mvnx': 'style_core.formats.mvnx',
 }
 
 #: suffix -> what it is, and how to get from there to something that is read

@@ -86,8 +86,8 @@ def _head(path, lines):
         if found:
             head[found.group(1).lower()] = found.group(2)
     if head.get('datatype', 'double').lower() != 'double':
-        raise MotionError(f'{path} holds {head["datatype"][:40]} values, not joint angles: run inverse kinematics on it '
-                          f'in OpenSim first')
+        raise MotionError(f'{path} holds {head["datatype"][:40]} values, not joint angles: run inverse kinematics of '
+                          f'OpenSim on it first')
     return head
 
 

@@ -11,9 +11,9 @@ __all__ = ['FIELDS', 'joint_names', 'motion_of']
 
 FIELDS = ('poses', 'trans', 'mocap_framerate', 'mocap_frame_rate')
 
-_BODY = ('pelvis left_hip right_hip spine1 left_knee right_knee spine2 left_ankle right_ankle spine3 left_foot '
-         'right_foot neck left_collar right_collar head left_shoulder right_shoulder left_elbow right_elbow left_wrist '
-         'right_wrist').split()
+_BODY = ['pelvis', 'left_hip', 'right_hip', 'spine1', 'left_knee', 'right_knee', 'spine2', 'left_ankle', 'right_ankle',
+         'spine3', 'left_foot', 'right_foot', 'neck', 'left_collar', 'right_collar', 'head', 'left_shoulder',
+         'right_shoulder', 'left_elbow', 'right_elbow', 'left_wrist', 'right_wrist']
 _FINGERS = [f'{side}_{finger}{joint}' for side in ('left', 'right') for finger in
             ('index', 'middle', 'pinky', 'ring', 'thumb') for joint in (1, 2, 3)]
 _NAMES = {22: _BODY, 24: [*_BODY, 'left_hand', 'right_hand'], 52: [*_BODY, *_FINGERS],
