@@ -2,7 +2,7 @@
 import numpy as np
 
 __all__ = ['unwrap', 'continuous_triples', 'continuous', 'matrices_of', 'triples_from', 'reordered', 'rotation_about',
-           'rotation_from_expmap']
+           'rotation_from_expmap', 'rotation_from_quaternion']
 
 
 def unwrap(angles):
@@ -214,6 +214,25 @@ def rotation_from_expmap(expmaps):
     first = np.sinc(angle / np.pi)
     second = 0.5 * np.sinc(angle / (2 * np.pi))**2
     return np.eye(3) + first * cross + second * (cross @ cross)
+
+
+def rotation_from_quaternion(quaternions):
+    """Rotation matrices of unit quaternions.
+
+    Parameters
+    ----------
+    quaternions : ndarray, shape (..., 4)
+        x, y, z, w; of length one.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+    """
+    x, y, z, w = np.moveaxis(np.asarray(quaternions, dtype=np.float64), -1, 0)
+    rows = [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+            2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+            2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]
+    return np.stack(rows, axis=-1).reshape(x.shape + (3, 3))
 
 
 def _wrapped(angles):

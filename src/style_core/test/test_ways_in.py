@@ -271,3 +271,56 @@ def test_xsens_without_a_rate_has_the_times_of_its_frames(tmp_path):
     mvnx(tmp_path / 'a.mvnx', rate='')
     with pytest.warns(UserWarning, match='whole milliseconds'):
         assert read_motion(tmp_path / 'a.mvnx').times.tolist() == [0, 0.008, 0.017, 0.025, 0.033]
+
+
+# ---------------------------------------------------------------------------------------------- tables of robots
+
+ROBOT = ('<robot name="r"><link name="base"/><link name="a"/><link name="b"/><link name="c"/>'
+         '<joint name="hip" type="revolute"><parent link="base"/><child link="a"/></joint>'
+         '<joint name="foot" type="fixed"><parent link="a"/><child link="c"/></joint>'
+         '<joint name="lift" type="prismatic"><parent link="a"/><child link="b"/></joint></robot>')
+
+
+@pytest.mark.parametrize('timed', [False, True])
+@pytest.mark.parametrize('rooted', [False, True])
+@pytest.mark.parametrize('delimiter', [',', ' '])
+def test_a_table_without_header_holds_the_joints_of_a_robot(tmp_path, timed, rooted, delimiter):
+    robot = written(tmp_path, 'robot.urdf', ROBOT)
+    rng = np.random.default_rng(4)
+    turns = Rotation.from_rotvec(np.cumsum(0.2 * rng.standard_normal((20, 3)), axis=0))
+    places, joints, times = rng.standard_normal((20, 3)), np.cumsum(rng.uniform(-0.1, 0.1, (20, 2)), 0), np.arange(20) / 30
+    parts = [times[:, None]] * timed + [places, turns.as_quat()] * rooted + [joints]
+    path = tmp_path / 'walk.csv'
+    np.savetxt(path, np.hstack(parts), delimiter=delimiter)
+    motion = quietly(path, joints_of=robot, rate_hz=None if timed else 30.0)
+    assert motion.joint_names[-2:] == ('hip', 'lift') and motion.units[-2:] == ('rad', 'm')
+    assert motion.rate_hz == pytest.approx(30)
+    np.testing.assert_allclose(motion.positions[:, -2:], joints, atol=1e-12)
+    if rooted:
+        np.testing.assert_allclose(motion.positions[:, :3], places, atol=1e-12)
+        ours = Rotation.from_euler('xyz', motion.positions[:, 3:6])
+        assert (ours * turns.inv()).magnitude().max() < 1e-7
+    rate = [] if timed else ['--recorded-rate', '30']
+    assert main(['convert', str(path), str(tmp_path / 'o.npz'), '--joints-of', str(robot), *rate]) == 0
+    assert main(['info', str(path), '--joints-of', str(robot), *rate]) == 0
+
+
+def test_a_table_of_a_real_robot(tmp_path):
+    robot = WILD / 'urdf' / 'g1_29dof.urdf'
+    if not robot.is_file():
+        pytest.skip('no robots of others here')
+    path = tmp_path / 'g1.csv'
+    np.savetxt(path, np.hstack([np.zeros((4, 6)), np.ones((4, 1)), np.full((4, 29), 0.1)]), delimiter=',')
+    motion = quietly(path, joints_of=robot, rate_hz=30.0)
+    assert motion.n_joints == 35 and motion.joint_names[6] == 'left_hip_pitch_joint'
+    assert set(motion.joint_names[6:]) <= set(read_skeleton(robot).channel_names)
+
+
+@pytest.mark.parametrize('text, options, words', [
+    ('0,1\n0,1\n', {}, '--recorded-rate'), ('0,1\n0\n', {'rate_hz': 30}, 'line 2 has 1'),
+    ('0,1,2,3\n', {'rate_hz': 30}, '2 joints'), ('a,b\n0,1\n', {'rate_hz': 30}, 'line 1'),
+    ('0,0,0,1,1,1,1,0,0\n', {'rate_hz': 30}, 'length 2'), ('0,0,1\n', {'rate_hz': 30}, 'has a column of times'),
+    ('0,inf\n', {'rate_hz': 30}, 'infinite')])
+def test_tables_that_do_not_fit_a_robot_say_why(tmp_path, text, options, words):
+    with pytest.raises(MotionError, match=words):
+        read_motion(written(tmp_path, 'a.csv', text), joints_of=written(tmp_path, 'r.urdf', ROBOT), **options)

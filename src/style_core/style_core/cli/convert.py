@@ -20,7 +20,7 @@ import numpy as np
 
 from style_core.cli.files import add_output
 from style_core.cli.number import Number, Positive
-from style_core.cli.recordings import add_recorded_rate, read_recording
+from style_core.cli.recordings import add_joints_of, add_recorded_rate, read_recording
 from style_core.formats import skeleton_of, write_motion
 from style_core.skeleton import read_skeleton
 
@@ -43,6 +43,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf file; the one that belongs to IN if '
                                                            'left out')
     add_recorded_rate(parser)
+    add_joints_of(parser)
     parser.add_argument('--input-rate', dest='recorded_rate', action=Positive, help=argparse.SUPPRESS)
     parser.add_argument('--length-unit', action=Positive, metavar='M',
                         help='length unit of BVH files in metres (0.01 if left out)')
@@ -57,7 +58,8 @@ def run(args):
     else:
         skeleton = skeleton_of(args.input, args.length_unit)
     motion = read_recording(args.input, None, args.unit, skeleton=skeleton, start_s=args.start, stop_s=args.stop,
-                            rate_hz=args.recorded_rate, as_filed=not args.continuous, **_where(args.input, args))
+                            rate_hz=args.recorded_rate, joints_of=args.joints_of, as_filed=not args.continuous,
+                            **_where(args.input, args))
     if args.mirror:
         motion = motion.mirror(skeleton)
     if args.select:

@@ -15,7 +15,7 @@ import numpy as np
 
 from style_core.cli.files import add_output
 from style_core.cli.number import Positive
-from style_core.cli.recordings import add_recorded_rate, read_recording
+from style_core.cli.recordings import add_joints_of, add_recorded_rate, read_recording
 from style_core.cli.registry import KIND_COMMANDS
 from style_core.errors import ModelError, UsageError
 from style_core.formats import read_motion, skeleton_of
@@ -38,6 +38,7 @@ def add_arguments(parser, argv):
                         help="joints of a motion to show, e.g. 'l*'; '!PATTERN' leaves out")
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf file for the picture')
     add_recorded_rate(parser)
+    add_joints_of(parser)
     parser.add_argument('--input-rate', dest='recorded_rate', action=Positive, help=argparse.SUPPRESS)
     parser.add_argument('--topic', metavar='T', help='topic of a bag')
 
@@ -49,7 +50,8 @@ def run(args):
         if args.picture or args.select:
             raise UsageError('--picture and --select are for motion files; this is a model')
     else:
-        motion = read_recording(args.file, None, args.unit, as_filed=True, topic=args.topic, rate_hz=args.recorded_rate)
+        motion = read_recording(args.file, None, args.unit, as_filed=True, topic=args.topic, rate_hz=args.recorded_rate,
+                                joints_of=args.joints_of)
         shown = motion.select(*args.select) if args.select else motion
         description = describe_motion(shown)
         if args.picture:

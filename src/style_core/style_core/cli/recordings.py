@@ -5,7 +5,7 @@ from style_core.cli.number import Positive
 from style_core.formats import carried
 from style_core.recordings import read_recording as read
 
-__all__ = ['add_recorded_rate', 'read_recording', 'named_recording']
+__all__ = ['add_joints_of', 'add_recorded_rate', 'read_recording', 'named_recording']
 
 
 def add_recorded_rate(parser):
@@ -16,6 +16,13 @@ def add_recorded_rate(parser):
                         help='of the columns of a table that name no unit (default: rad)')
 
 
+def add_joints_of(parser):
+    """The option for tables without a header."""
+    parser.add_argument('--joints-of', metavar='URDF',
+                        help="a table without header holds this robot's joints, in the file's order; before them may "
+                             'stand the time, and place and quaternion x y z w of the root')
+
+
 def read_recording(path, recorded_rate=None, unit=None, **options):
     """A recording with continuous angles; rate and unit count where the format says none.
 
@@ -23,7 +30,8 @@ def read_recording(path, recorded_rate=None, unit=None, **options):
     which is refused where it means nothing.
     """
     known = carried(path)['options'] if recorded_rate or unit else ()
-    if recorded_rate and 'rate_hz' in known:
+    timed = Path(path).suffix.lower() == '.csv' and 'joints_of' not in options
+    if recorded_rate and 'rate_hz' in known and not timed:
         options['rate_hz'] = recorded_rate
     if unit and 'unit' in known:
         options['unit'] = unit

@@ -9,7 +9,7 @@ __all__ = ['FORMATS', 'carried', 'read_motion', 'refuse', 'write_motion', 'skele
 
 #: suffix -> module with ``read(path, **options) -> Motion`` and the names of its options in ``READ_OPTIONS``. Where it
 #: writes, ``write(motion, path, **options)`` and ``WRITE_OPTIONS``. It says itself what it carries: ``SKELETON``
-#: ('inside', 'beside' or None), ``CHANNELS`` (their names and units, a text) and ``HAS_UNITS`` (whether units are certain)
+#: ('inside', 'beside' or None), ``CHANNELS`` (their names and units, a text) and ``HAS_UNITS`` (are units certain?)
 FORMATS = {
     '.amc': 'style_core.formats.amc',
     '.bvh': 'style_core.formats.bvh',
@@ -22,6 +22,7 @@ FORMATS = {
     '.mot': 'style_core.formats.opensim',
     '.sto': 'style_core.formats.opensim',
     '.mvnx': 'style_core.formats.mvnx',
+    '.parquet': 'style_core.formats.locohub',
 }
 
 #: suffix -> what it is, and how to get from there to something that is read

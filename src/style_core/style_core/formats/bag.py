@@ -1,4 +1,4 @@
-"""ROS 2 bags of ``sensor_msgs/msg/JointState`` (sqlite3 and MCAP), read and written without ROS; ROS 1 bags are read."""
+"""ROS 2 bags of ``sensor_msgs/msg/JointState`` (sqlite3, MCAP), read and written without ROS; ROS 1 bags are read."""
 import contextlib
 import os
 import shutil

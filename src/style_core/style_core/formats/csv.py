@@ -8,16 +8,17 @@ import warnings
 import numpy as np
 
 from style_core.errors import MotionError
+from style_core.formats import locohub, robot_table
 from style_core.formats.files import number, read_text, replacing
 from style_core.formats.stamps import times_of, unit_of_time
 from style_core.motion import Motion, usual_units
 
 __all__ = ['read', 'write']
 
-READ_OPTIONS = ('unit',)
+READ_OPTIONS = ('unit', 'joints_of', 'rate_hz')
 WRITE_OPTIONS = ()
 SKELETON = None
-CHANNELS = 'as the header names them'
+CHANNELS = 'as the header, or the robot, names them'
 HAS_UNITS = False
 
 _COMMENT = '# rotation orders: '
@@ -28,7 +29,7 @@ _UNITS = {**dict.fromkeys(('rad', 'rads', 'radian', 'radians'), ('rad', 1.0)),
           'm': ('m', 1.0), 'cm': ('m', 0.01), 'mm': ('m', 0.001)}
 
 
-def read(path, unit=None):
+def read(path, unit=None, joints_of=None, rate_hz=None):
     """Read a table.
 
     The first column is the time and named ``time`` (or ``t``, ``seconds``, ``timestamp``), in seconds or in the unit
@@ -42,6 +43,12 @@ def read(path, unit=None):
     path : path-like
     unit : {'rad', 'deg'}, optional
         Of columns of angles that name no unit.
+    joints_of : path-like, optional
+        The table has no header and holds the joints of this robot: see `style_core.formats.robot_table`.
+    rate_hz : float, optional
+        Of a table without header and times.
+
+    A table of LocoHub (``subject, task, ..., phase_ipsi``) is read by `style_core.formats.locohub`.
 
     Raises
     ------
@@ -55,6 +62,10 @@ def read(path, unit=None):
     """
     if unit not in (None, 'rad', 'deg'):
         raise MotionError(f"{path}: the unit must be 'rad' or 'deg', not {unit!r}")
+    if joints_of is not None:
+        return robot_table.read(path, joints_of, unit, rate_hz)
+    if rate_hz is not None:
+        raise MotionError(f'{path}: rate_hz means nothing for .csv files with times')
     lines = read_text(path).splitlines()
     numbered = [(line_number, line) for line_number, line in enumerate(lines, 1)
                 if line.strip() and not line.lstrip().startswith('#')]
@@ -64,6 +75,8 @@ def read(path, unit=None):
     delimiter = max(',;\t', key=head.count)
     header = next(csv.reader(io.StringIO(head), delimiter=delimiter))
     header = [name.strip() for name in header]
+    if locohub.is_header(header):
+        return locohub.read(path)
     time_unit = unit_of_time(header[0])
     if time_unit is None or len(header) < 2:
         raise MotionError(f'{path}: line {head_line}: the header must start with "time" (seconds) and go on with joint '

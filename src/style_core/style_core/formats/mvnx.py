@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
-from style_core.angles import triples_from
+from style_core.angles import rotation_from_quaternion, triples_from
 from style_core.errors import MotionError
 from style_core.formats.files import number, read_text
 from style_core.motion import Motion
@@ -90,17 +90,9 @@ def _pelvis(path, subject, parts):
         length = np.linalg.norm(quaternions, axis=1)
         if not (np.abs(length - 1) < _UNIT_TOLERANCE).all():
             raise MotionError(f'{path}: orientations of the pelvis are no unit quaternions')
-        values.append(triples_from(_matrices(quaternions / length[:, None])))
+        values.append(triples_from(rotation_from_quaternion((quaternions / length[:, None])[:, [1, 2, 3, 0]])))
         names, units = names + [f'Pelvis.r{axis}' for axis in 'xyz'], units + ('rad',) * 3
     return names, units, values
-
-
-def _matrices(quaternions):
-    """Rotation matrices, shape (T, 3, 3), of unit quaternions w, x, y, z."""
-    w, x, y, z = quaternions.T
-    return np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-                     2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-                     2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1).reshape(-1, 3, 3)
 
 
 def _times(path, subject, frames):
