@@ -1,12 +1,13 @@
 """The one way in which commands and nodes read a recording: whatever its format, with continuous angles."""
 import warnings
+from pathlib import Path
 
 import numpy as np
 
 from style_core.angles import continuous, matrices_of
-from style_core.formats import carried, read_motion
+from style_core.formats import carried, locohub, read_motion
 
-__all__ = ['read_recording']
+__all__ = ['read_recording', 'read_recordings']
 
 #: faster than any joint of a person or a robot, rad/s
 FASTEST_RAD_S = 100.0
@@ -47,6 +48,23 @@ def read_recording(path, skeleton=None, start_s=None, stop_s=None, as_filed=Fals
     for doubt in _doubts(motion, str(path)):
         warnings.warn(f'{path}: {doubt}', stacklevel=2)
     return motion
+
+
+def read_recordings(path, stride_s=None):
+    """All recordings of a table of LocoHub, with continuous angles.
+
+    Parameters
+    ----------
+    path : path-like
+        ``.csv`` or ``.parquet``.
+    stride_s : float, optional
+        See `style_core.formats.locohub.read_all`.
+
+    Returns
+    -------
+    list of Motion
+    """
+    return [continuous(motion) for motion in locohub.read_all(Path(path), stride_s)]
 
 
 def _doubts(motion, path):

@@ -1,4 +1,6 @@
 """Formats of other programs: each against an independent reader, a published specification or a real file."""
+import csv
+import sys
 import warnings
 from pathlib import Path
 
@@ -10,7 +12,7 @@ from style_core.angles import matrices_of
 from style_core.cli import main
 from style_core.errors import MotionError
 from style_core.formats import FORMATS, carried, read_motion, skeleton_of, write_motion, written_suffixes
-from style_core.recordings import read_recording
+from style_core.recordings import read_recording, read_recordings
 from style_core.skeleton import read_skeleton
 
 WILD = Path(__file__).resolve().parents[4] / 'shared' / 'wild'
@@ -288,7 +290,8 @@ def test_a_table_without_header_holds_the_joints_of_a_robot(tmp_path, timed, roo
     robot = written(tmp_path, 'robot.urdf', ROBOT)
     rng = np.random.default_rng(4)
     turns = Rotation.from_rotvec(np.cumsum(0.2 * rng.standard_normal((20, 3)), axis=0))
-    places, joints, times = rng.standard_normal((20, 3)), np.cumsum(rng.uniform(-0.1, 0.1, (20, 2)), 0), np.arange(20) / 30
+    places, joints = rng.standard_normal((20, 3)), np.cumsum(rng.uniform(-0.1, 0.1, (20, 2)), axis=0)
+    times = np.arange(20) / 30
     parts = [times[:, None]] * timed + [places, turns.as_quat()] * rooted + [joints]
     path = tmp_path / 'walk.csv'
     np.savetxt(path, np.hstack(parts), delimiter=delimiter)
@@ -324,3 +327,99 @@ def test_a_table_of_a_real_robot(tmp_path):
 def test_tables_that_do_not_fit_a_robot_say_why(tmp_path, text, options, words):
     with pytest.raises(MotionError, match=words):
         read_motion(written(tmp_path, 'a.csv', text), joints_of=written(tmp_path, 'r.urdf', ROBOT), **options)
+
+
+# ---------------------------------------------------------------------------------------------- LocoHub
+
+LEGS = [f'{joint}_angle_{side}' for joint in ('hip_flexion', 'knee_flexion') for side in ('ipsi', 'contra')]
+
+
+def strides(path, durations, speeds=True, subjects=('DS23_AB01', 'DS23_AB02'), tasks=('level_walking', 'stair_ascent')):
+    """A table as LocoHub's reference has it: 150 rows a stride; each stride lasts as long as its velocities say."""
+    turn, rows = 2 * np.pi * np.linspace(0, 1, 150), []
+    for who, subject in enumerate(subjects):
+        for task in tasks:
+            for step, duration in enumerate(durations):
+                for angle in turn:
+                    row = {'subject': subject, 'subject_metadata': 'age:25,sex:M', 'task': task,
+                           'task_id': f'{task}_slow', 'task_info': 'speed_m_s:1.2,incline_deg:0', 'step': step,
+                           'phase_ipsi': 100 * angle / (2 * np.pi), 'hip_flexion_moment_ipsi_Nm_kg': 0.1}
+                    for place, name in enumerate(LEGS):
+                        row[f'{name}_rad'] = 0.1 * who + 0.4 * np.sin(angle + place) + 0.01 * step
+                        if speeds:
+                            row[name.replace('angle', 'angular_velocity') + '_rad_s'] = (
+                                0.4 * np.cos(angle + place) * 2 * np.pi / duration)
+                    rows.append(row)
+    if path.suffix == '.parquet':
+        pyarrow = pytest.importorskip('pyarrow')
+        from pyarrow import parquet
+        parquet.write_table(pyarrow.Table.from_pylist(rows), path)
+    else:
+        with open(path, 'w', newline='') as stream:
+            table = csv.DictWriter(stream, rows[0])
+            table.writeheader()
+            table.writerows(rows)
+    return rows
+
+
+@pytest.mark.parametrize('suffix', ['.csv', '.parquet'])
+def test_strides_of_locohub_become_recordings_of_their_own_duration(tmp_path, suffix):
+    rows = strides(tmp_path / f'a{suffix}', [1.1, 0.9])
+    motions = read_recordings(tmp_path / f'a{suffix}')
+    assert [motion.name for motion in motions] == [f'{who}/{task}_slow' for who in ('DS23_AB01', 'DS23_AB02')
+                                                   for task in ('level_walking', 'stair_ascent')]
+    for number, motion in enumerate(motions):
+        assert motion.joint_names == tuple(LEGS)
+        theirs = rows[300 * number:300 * number + 300]
+        np.testing.assert_array_equal(motion.positions, [[row[f'{name}_rad'] for name in LEGS] for row in theirs])
+        first, second = motion.times[:150], motion.times[150:]
+        assert np.ptp(first) == pytest.approx(1.1, rel=1e-3) and np.ptp(second) == pytest.approx(0.9, rel=1e-3)
+        assert second[0] - first[-1] == pytest.approx(1.0)
+        assert np.isnan(motion.at([first[-1] + 0.5]).positions).all()       # nothing is invented between strides
+    with pytest.raises(MotionError, match=r'4 recordings .*motion-style split'):
+        read_motion(tmp_path / f'a{suffix}')
+
+
+def test_a_table_of_locohub_is_split_by_person_and_task(tmp_path, capsys):
+    strides(tmp_path / 'a.csv', [1.0, 1.2, 1.1])
+    command = ['split', str(tmp_path / 'a.csv'), '-o', str(tmp_path / 'out')]
+    assert main(command) == 0 and '4 recordings of 2 people' in capsys.readouterr().out
+    files = sorted(path.relative_to(tmp_path / 'out').as_posix() for path in tmp_path.glob('out/*/*.npz'))
+    assert files == [f'DS23_AB0{who}/{task}_slow.npz' for who in (1, 2) for task in ('level_walking', 'stair_ascent')]
+    assert quietly(tmp_path / 'out' / files[0]).n_frames == 450
+    assert main(command) == 2 and main([*command, '--force', '--stride', '2']) == 0
+    assert np.ptp(quietly(tmp_path / 'out' / files[0]).times) == pytest.approx(3 * 2 + 2)
+
+
+def test_how_long_a_stride_is_is_not_guessed_silently(tmp_path):
+    strides(tmp_path / 'a.csv', [1.1], speeds=False, subjects=('AB01',), tasks=('run',))
+    with pytest.warns(UserWarning, match='how long 1 strides last'):
+        motion = read_motion(tmp_path / 'a.csv')
+    assert motion.duration_s == pytest.approx(1.0) and motion.name == 'AB01/run_slow'
+    assert read_recordings(tmp_path / 'a.csv', 0.7)[0].duration_s == pytest.approx(0.7)
+
+
+def test_a_table_of_locohub_by_time(tmp_path):
+    path = written(tmp_path, 'a.csv', 'subject,task,step,time_s,knee_flexion_angle_ipsi_rad,hip_flexion_angle_rad\n'
+                   'S1,cutting,0,0.0,1,\nS1,cutting,0,0.1,2,\nS1,cutting,1,0.2,,\nS1,cutting,1,0.0,4,\n')
+    motion = read_motion(path)
+    assert motion.joint_names == ('knee_flexion_angle_ipsi',)
+    np.testing.assert_allclose(motion.times, [0, 0.1, 0.2, 1.2])
+    np.testing.assert_array_equal(motion.positions.ravel(), [1, 2, np.nan, 4])
+
+
+@pytest.mark.parametrize('text, words', [
+    ('subject,task,step,phase_ipsi\nS,t,0,0\n', 'no column of angles'),
+    ('subject,task,step,phase_ipsi,a_angle_rad\n', 'no rows'),
+    ('subject,task,step,phase_ipsi,a_angle_rad\nS,t,0,0\n', 'line 2 has 4'),
+    ('subject,task,step,phase_ipsi,a_angle_rad\nS,t,0,,1\n', 'missing'),
+    ('subject,task,step,phase_ipsi,a_angle_rad\nS,t,0,0,x\n', 'a_angle_rad')])
+def test_damaged_tables_of_locohub_say_why(tmp_path, text, words):
+    with pytest.raises(MotionError, match=words):
+        read_motion(written(tmp_path, 'a.csv', text))
+
+
+def test_parquet_without_its_library_says_so(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'pyarrow', None)
+    with pytest.raises(MotionError, match='need pyarrow'):
+        read_motion(written(tmp_path, 'a.parquet', 'PAR1'))

@@ -7,6 +7,7 @@ A command that works on any model kind finds the kind in the model file and hand
 COMMANDS = {
     'train': ('learn a model from recordings', 'style_core.cli.train'),
     'convert': ('convert a recording to another format', 'style_core.cli.convert'),
+    'split': ('part a table of many recordings into files', 'style_core.cli.split'),
     'info': ('say what a model or motion file holds', 'style_core.cli.info'),
     'predict': ('predict the course of a recording', 'style_core.cli.by_kind'),
     'evaluate': ('measure a model on recordings', 'style_core.cli.by_kind'),

@@ -51,8 +51,8 @@ def read_all(path, stride_s=None):
         With the columns ``subject``, ``task``, ``task_id`` (may be absent), ``step``; ``phase_ipsi`` (0 to 100) or
         ``time_s``; and angles, ``hip_flexion_angle_ipsi_rad``. Moments and forces are left out.
     stride_s : float, optional
-        Duration of a cycle of 100 % in tables by phase. Where left out it follows, stride by stride, from the columns of
-        angular velocity: the T that fits ``d angle / d phase = T velocity`` best.
+        Duration of a cycle of 100 % in tables by phase. Where left out it follows, stride by stride, from the columns
+        of angular velocity: the T that fits ``d angle / d phase = T velocity`` best.
 
     Returns
     -------
@@ -192,18 +192,18 @@ def _parquet(path):
     try:
         from pyarrow import ArrowException, parquet
     except ImportError:
-        raise MotionError(f'{path}: Parquet files need pyarrow (pip install pyarrow), or save the table as .csv') from None
+        raise MotionError(f'{path}: Parquet files need pyarrow (pip install pyarrow); or save it as .csv') from None
     try:
-        table = parquet.read_table(path)
-        columns = {}
-        for name, column in zip(table.column_names, table.columns):
-            if _ANGLE.match(name) or name.endswith('_rad_s') or name in ('phase_ipsi', 'time_s'):
-                columns[name] = column.to_numpy().astype(np.float64)
-            elif name in (*_KEYS, 'step'):
-                columns[name] = column.to_pylist()
+        with parquet.ParquetFile(path) as file:
+            words = [name for name in file.schema_arrow.names if name in (*_KEYS, 'step')]
+            numbers = [name for name in file.schema_arrow.names if _ANGLE.match(name) or name.endswith('_rad_s')
+                       or name in ('phase_ipsi', 'time_s')]
+            table = file.read(columns=words + numbers)
+        columns = {name: table.column(name).to_pylist() for name in words}
+        columns.update((name, table.column(name).to_numpy().astype(np.float64)) for name in numbers)
     except FileNotFoundError:
         raise MotionError(f'{path} does not exist') from None
-    except (ArrowException, OSError, ValueError, TypeError) as error:
+    except (ArrowException, KeyError, OSError, ValueError, TypeError) as error:
         raise MotionError(f'{path} is no readable Parquet file: {error}') from None
     if not table.num_rows:
         raise MotionError(f'{path} holds no rows')

@@ -46,8 +46,8 @@ def read(path, joints_of, unit=None, rate_hz=None):
     values = _values(path)
     extra = values.shape[1] - len(joints)
     if extra not in (0, 1, 7, 8):
-        raise MotionError(f'{path} has {values.shape[1]} columns, but {joints_of} has {len(joints)} joints: expected as '
-                          f'many, 1 more (time), 7 more (root and quaternion) or 8 more (both)')
+        raise MotionError(f'{path} has {values.shape[1]} columns, but {joints_of} has {len(joints)} joints: expected '
+                          f'as many, 1 more (time), 7 more (root and quaternion) or 8 more (both)')
     times = _times(path, values[:, 0] if extra in (1, 8) else None, rate_hz, len(values))
     angles = values[:, extra:]
     units = ['rad' if kinds[name] == 'r' else 'm' for name in joints]
@@ -68,8 +68,8 @@ def _values(path):
         try:
             rows.append([number(cell) for cell in cells])
         except ValueError:
-            raise MotionError(f'{path}: line {line_number} is not made of numbers ({line[:40]!r}): a table with a header '
-                              f'is read without --joints-of') from None
+            raise MotionError(f'{path}: line {line_number} is not made of numbers ({line[:40]!r}): a table with a '
+                              f'header is read without --joints-of') from None
         if len(rows[-1]) != len(rows[0]):
             raise MotionError(f'{path}: line {line_number} has {len(rows[-1])} columns, the first row {len(rows[0])}')
     if not rows:
@@ -92,6 +92,6 @@ def _turns(path, quaternions):
     length = np.linalg.norm(quaternions, axis=1)
     off = ~(np.abs(length - 1) < _UNIT_TOLERANCE)
     if off.any():
-        raise MotionError(f'{path}: frame {int(np.argmax(off))}: the quaternion of the root (x, y, z, w) has the length '
-                          f'{length[np.argmax(off)]:.3g}, not 1')
+        raise MotionError(f'{path}: frame {int(np.argmax(off))}: the quaternion of the root (x, y, z, w) has the '
+                          f'length {length[np.argmax(off)]:.3g}, not 1')
     return triples_from(rotation_from_quaternion(quaternions / length[:, None]))
