@@ -17,7 +17,7 @@ import warnings
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-READERS = ('.amc', '.bvh', '.csv', '.npz', '.mcap', '.asf', '.urdf', 'joint_state')
+READERS = ('.amc', '.bvh', '.csv', '.npz', '.mcap', '.mot', '.mvnx', '.asf', '.urdf', 'joint_state')
 
 
 def seeds(suffix, folder):

@@ -13,15 +13,26 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from test_formats import BVH
 from test_skeleton import ASF, URDF
+from test_ways_in import ros1_bag
 
 from style_core.errors import MotionError
-from style_core.formats import read_motion
+from style_core.formats import FORMATS, read_motion
+from style_core.recordings import read_recordings
 from style_core.skeleton import read_skeleton
 
 AMC = '#!OML:ASF\n:FULLY-SPECIFIED\n:DEGREES\n' + ''.join(
     f'{k}\nroot 1 2 3 10 20 30\nlfemur -10 5 2.5\nltibia 4{k}\n' for k in range(1, 4))
 CSV = 'time,hip,"knee [deg]",root.tx\n0,0.1,20,1\n0.1,0.2,,2\n0.2,0.3,22,nan\n'
-SEEDS = {'.amc': AMC, '.bvh': BVH, '.csv': CSV, '.asf': ASF, '.urdf': URDF}
+MOT = ('Coordinates\nversion=1\nnRows=3\nnColumns=4\ninDegrees=yes\n\nUnits are S.I. units\n\nendheader\n'
+       'time\thip_flexion_r\tknee_angle_r\tpelvis_tx\n 0.00\t10\t-90\t0.5\n 0.01\t20\t-80\t0.6\n')
+MVNX = ('<?xml version="1.0"?>\n<mvnx version="4">\n<subject label="S" frameRate="60">\n<segments>'
+        '<segment label="Pelvis"/></segments>\n<joints><joint label="jHip"/></joints>\n<frames>\n' + ''.join(
+            f'<frame time="{16 * k}" index="{k}" ms="{1700000000000 + k}" type="normal">\n<orientation>1 0 0 0 '
+            f'</orientation>\n<position>0 {k} 1 </position>\n<jointAngle>1 2 {k} </jointAngle>\n</frame>\n'
+            for k in range(3)) + '</frames>\n</subject>\n</mvnx>\n')
+STRIDES = ('subject,task,task_id,step,phase_ipsi,hip_flexion_angle_ipsi_rad,hip_flexion_angular_velocity_ipsi_rad_s\n'
+           + ''.join(f'S{k // 8},walk,slow,{k // 4}, {25 * (k % 4)} ,0.{k},1\n' for k in range(16)))
+SEEDS = {'.amc': AMC, '.bvh': BVH, '.csv': CSV, '.asf': ASF, '.urdf': URDF, '.mot': MOT, '.mvnx': MVNX}
 
 #: words that parsers trip over
 ODD = ['', ' ', '\n', '\r', '\0', 'nan', 'inf', '-inf', '1e999', '-1', '0', '99999999999999999999', '1_0', '٣', '²',
@@ -69,7 +80,7 @@ def check(data, suffix):
     """Read as a motion, a skeleton or both."""
     with written(data, suffix) as path, warnings.catch_warnings():
         warnings.simplefilter('ignore')
-        if suffix in ('.amc', '.bvh', '.csv', '.npz', '.mcap', '.db3'):
+        if suffix in FORMATS:
             try:
                 motion = read_motion(path)
             except MotionError as error:
@@ -100,7 +111,58 @@ def test_damaged_text(suffix):
     fuzz()
 
 
-@pytest.mark.parametrize('suffix', [*SEEDS, '.npz', '.mcap', '.db3'])
+@settings(max_examples=150)
+@given(damaged(STRIDES))
+def test_damaged_tables_of_strides(text):
+    with written(text.encode('utf-8', errors='surrogatepass'), '.csv') as path, warnings.catch_warnings():
+        warnings.simplefilter('ignore')
+        try:
+            motions = read_recordings(path)
+        except MotionError as error:
+            assert str(error)
+        else:
+            assert motions and all(np.isfinite(motion.times).all() for motion in motions)
+
+
+@settings(max_examples=100)
+@given(damaged('0.0,1,2,3,0,0,0,1,0.1,0.2\n0.1,1,2,3,0,0,1,0,0.1,0.2\n'))
+def test_damaged_tables_of_a_robot(text):
+    with written(text.encode('utf-8', errors='surrogatepass'), '.csv') as path, \
+            written(URDF.encode(), '.urdf') as robot, warnings.catch_warnings():
+        warnings.simplefilter('ignore')
+        try:
+            motion = read_motion(path, joints_of=robot)
+        except MotionError as error:
+            assert str(error)
+        else:
+            assert motion.n_joints in (len(read_skeleton(robot).channel_names) + extra for extra in (0, 6))
+
+
+@pytest.fixture(scope='module')
+def bag_of_ros_1(tmp_path_factory):
+    path = tmp_path_factory.mktemp('ros1') / 'a.bag'
+    return ros1_bag(path, ('a', 'b'), np.zeros((3, 2)), 10**9 * np.arange(1, 4)).read_bytes()
+
+
+@settings(max_examples=100)
+@given(st.data())
+def test_damaged_bags_of_ros_1(bag_of_ros_1, data):
+    whole = bytearray(bag_of_ros_1)
+    for _ in range(data.draw(st.integers(1, 4))):
+        whole[data.draw(st.integers(0, len(whole) - 1))] = data.draw(st.integers(0, 255))
+    check(bytes(whole[:data.draw(st.integers(0, len(whole)))] if data.draw(st.booleans()) else whole), '.bag')
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 170), st.lists(st.integers(0, 4), max_size=3), st.sampled_from(['f8', 'i4', 'U3', 'c16']),
+       st.floats(width=16))
+def test_invented_archives_of_poses(numbers, shape, kind, rate):
+    stream = io.BytesIO()
+    np.savez(stream, poses=np.zeros((2, numbers), dtype=kind), trans=np.zeros(shape), mocap_framerate=rate)
+    check(stream.getvalue(), '.npz')
+
+
+@pytest.mark.parametrize('suffix', [*SEEDS, '.npz', '.mcap', '.db3', '.bag', '.parquet'])
 def test_invented_bytes(suffix):
     @settings(max_examples=60)
     @given(st.binary(max_size=200))
