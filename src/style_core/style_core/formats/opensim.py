@@ -17,7 +17,7 @@ CHANNELS = "the model's coordinates: hip_flexion_r [rad], pelvis_tx [m]"
 HAS_UNITS = True
 
 #: what a file may hold that is no position: by its title, and by its columns
-_OTHER_TITLE = re.compile(r'speeds?|velocit|accelerat|forces?|moments?|activation|power', re.IGNORECASE)
+_OTHER_TITLE = re.compile(r'\b(speeds|velocities|accelerations|forces|moments|loads|activations)\b', re.IGNORECASE)
 _OTHER_COLUMN = re.compile(r'.*(_force_?v?[xyz]|_v[xyz]|_p[xyz]|_torque_?[xyz]|_moment|_[mF][xyz])$')
 #: columns of a states file that are no coordinate
 _STATE = re.compile(r'/(speed|activation|fiber_length|fiber_velocity|normalized_tendon_force)$')
