@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from style_core.angles import matrices_of
-from style_core.cli import main
+from style_core.cli import main, recordings
 from style_core.errors import MotionError
 from style_core.formats import FORMATS, carried, read_motion, skeleton_of, write_motion, written_suffixes
 from style_core.recordings import read_recording, read_recordings
@@ -423,3 +423,12 @@ def test_parquet_without_its_library_says_so(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, 'pyarrow', None)
     with pytest.raises(MotionError, match='need pyarrow'):
         read_motion(written(tmp_path, 'a.parquet', 'PAR1'))
+
+
+def test_among_several_recordings_a_rate_is_for_those_without_one(tmp_path, gait):
+    write_motion(gait, tmp_path / 'a.npz')
+    amass(tmp_path / 'b.npz', 24, mocap_framerate=None)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        rates = [recordings.read_recording(tmp_path / f'{name}.npz', 50.0).rate_hz for name in 'ab']
+    assert rates == [100, 50]

@@ -1,4 +1,5 @@
 """The recordings that a command is given."""
+import warnings
 from pathlib import Path
 
 from style_core.cli.number import Positive
@@ -35,7 +36,10 @@ def read_recording(path, recorded_rate=None, unit=None, **options):
         options['rate_hz'] = recorded_rate
     if unit and 'unit' in known:
         options['unit'] = unit
-    return read(path, **options)
+    with warnings.catch_warnings():
+        if recorded_rate:
+            warnings.filterwarnings('ignore', '.* is not used$')
+        return read(path, **options)
 
 
 def named_recording(path, recorded_rate=None, unit=None):
