@@ -35,8 +35,7 @@ def read(path):
     -------
     Motion
         Frames of type ``normal``. Channels ``Pelvis.t*`` (m) and ``Pelvis.r*`` where the file has positions and
-        orientations, in MVN's world with z up; then three angles of each joint of ``jointAngle``. On the left MVN turns
-        the signs of abduction and rotation, so that both sides have the same signs.
+        orientations, in MVN's world with z up; then three angles of each joint of ``jointAngle``, with MVN's signs.
 
     Raises
     ------
