@@ -44,21 +44,22 @@ def read_motion(path, skeleton=None, start_s=None, stop_s=None, **options):
     Parameters
     ----------
     path : path-like
-        An ``.amc``, ``.bvh``, ``.csv`` or ``.npz`` file, or a bag: its folder, or a ``.mcap`` or ``.db3`` file.
+        A file with a suffix of `FORMATS`, or the folder of a bag.
     skeleton : Skeleton, optional
         For formats that do not describe their joints: the ``.asf`` file beside an AMC file where left out; of tables,
         archives and bags it says in which order joints turn where the file does not.
     start_s, stop_s : float, optional
         Read only the frames with ``start_s <= time < stop_s``.
     rate_hz : float, optional
-        The recording's rate, for AMC files, which do not say (120 where left out).
+        The recording's rate, for AMC files, which do not say (120 where left out), and others that may not say.
     length_m : float, optional
         Length unit of BVH files, which do not say (0.01 where left out).
     topic : str, optional
         Topic of a bag.
-
     unit : {'rad', 'deg'}, optional
-        Of the columns of a table that name no unit.
+        Of the columns of a table that name no unit, and of OpenSim files whose header does not say it.
+    joints_of : path-like, optional
+        URDF file of the robot whose joints a table without header holds.
 
     Returns
     -------
