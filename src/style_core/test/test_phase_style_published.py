@@ -12,6 +12,7 @@ from style_core.formats import read_motion, write_motion
 from style_core.motion import Motion
 from style_core.phase_style import PaperPredictor, Sequence, learn, load_behaviours, save_behaviours
 from style_core.phase_style.matsubara_predictor import batch_em
+from style_core.phase_style.published_learning import align_published
 from style_core.predictor import Status
 from style_core.predictor_file import read_predictor
 from style_core.stream.loading import load_live
@@ -216,6 +217,50 @@ def test_fill_on_line_by_the_published_method(files, tmp_path, capsys):
     write_motion(motion.replace(positions=holed).slice(None, 1.2), tmp_path / 'holed.csv')
     assert main([*command, '-o', str(tmp_path / 'begun.csv')]) == 0
     np.testing.assert_array_equal(read_motion(tmp_path / 'begun.csv').positions, filled[:72])
+
+
+def test_alignment_is_equation_5_row_by_row():
+    sequences = [made_sequence(f'p{k}_1', 5 + 0.4 * k, k, 0.2 * k, noise=0.02, seed=k)[0] for k in range(3)]
+    _, aligned = align_published(sequences, True)
+    periods = [round(60 * 2 * np.pi / (5 + 0.4 * k)) for k in range(3)]
+    base = sequences[2].y       # the shortest period
+    for sequence, length, cycle in zip(sequences, periods, aligned.cycles):
+        best = None
+        for j in range(len(sequence.y) - length + 1):
+            total = 0.0
+            for n in range(periods[2]):
+                total += base[n] @ sequence.y[j + int(n * length / periods[2] + 0.5)]
+            if best is None or total > best[0]:
+                best = total, j
+        want = [sequence.y[best[1] + int(n * length / periods[2] + 0.5)] for n in range(periods[2])]
+        np.testing.assert_array_equal(cycle, want)
+    np.testing.assert_allclose(aligned.grid, 2 * np.pi * np.arange(periods[2]) / periods[2])
+
+
+def test_discrete_alignment_is_linear_from_start_to_goal():
+    sequences = [Sequence(f'j{k}_1', f'j{k}', np.sin(3 * np.linspace(0, 1, 50 + 10 * k)[:, None] + np.arange(6)), RATE)
+                 for k in range(3)]
+    cut, aligned = align_published(sequences, False)
+    for sequence, phase, cycle in zip(cut, aligned.phases, aligned.cycles):
+        np.testing.assert_allclose(phase, np.linspace(0, 1, len(sequence.y)))
+        np.testing.assert_array_equal(cycle[[0, -1]], sequence.y[[0, -1]])
+    assert aligned.grid[-1] == 1
+
+
+def test_a_model_learned_as_published_is_for_the_published_method(tmp_path, capsys):
+    files = []
+    for k in range(4):
+        y = made_sequence(f'p{k}_1', 5 + 0.3 * k, k, 0.3 * k, noise=0.02, seed=k)[0].y
+        files.append(str(tmp_path / f'p{k}_1.csv'))
+        write_motion(Motion(NAMES, y, np.arange(len(y)) / RATE, name=f'p{k}_1'), files[-1])
+    model = str(tmp_path / 'm.npz')
+    assert main(['train', 'phase-style', *files[:3], '--published', '-o', model]) == 0
+    assert main(['train', 'phase-style', *files[:3], '--published', '--histories', '-o', model]) == 2
+    capsys.readouterr()
+    assert main(['evaluate', model, files[3], '--method', 'paper', '--json']) == 0
+    (found,) = json.loads(capsys.readouterr().out)['recordings'].values()
+    assert found['error_deg2'] < 0.2 * found['zero_velocity_error_deg2']
+    assert main(['evaluate', model, files[3]]) == 1 and "method 'paper'" in capsys.readouterr().err
 
 
 def test_batch_of_the_file_is_the_least_squares_of_the_paper(files):
