@@ -101,6 +101,21 @@ def test_hidden_joints_and_gaps_are_nothing_to_a_batch(files, walk, tmp_path, ca
     assert json.loads(capsys.readouterr().out)['style'] == masked['style']
 
 
+@pytest.mark.parametrize('wild', [1e5, -1e200, np.inf])
+def test_what_no_joint_can_be_is_nothing_to_a_batch(files, walk, wild):  # noqa: F811
+    behaviour, motion = load_behaviours(files[0])[0], read_motion(walk)
+    holed, spoilt = motion.positions.copy(), motion.positions.copy()
+    holed[40:43, :2], spoilt[40:43, :2] = np.nan, wild
+    one, two = (batch_em(behaviour, motion.times, y) for y in (holed, spoilt))
+    np.testing.assert_array_equal(one.style, two.style)
+    np.testing.assert_array_equal(one.phase, two.phase)
+
+
+def test_a_batch_of_nothing_but_zeros_has_figures(files):  # noqa: F811
+    result = batch_em(load_behaviours(files[0])[0], np.arange(60) / RATE, np.zeros((60, 6)))
+    assert np.isfinite(result.style_change).all() and np.isfinite(result.log_likelihood).all()
+
+
 def test_events_of_a_course():
     names = ('walk', 'walk', 'walk', 'run', 'run', 'still')
     status = tuple(map(Status, (0, 1, 1, 1, 2, 1)))

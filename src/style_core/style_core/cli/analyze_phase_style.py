@@ -22,7 +22,7 @@ from style_core.formats.files import replacing
 from style_core.joint_space import space_of
 from style_core.phase_style import behaviour_named, load_behaviours
 from style_core.phase_style.analysis import course_of_batch, events, follow
-from style_core.phase_style.matsubara_predictor import batch_em
+from style_core.phase_style.matsubara_predictor import FARTHEST, batch_em
 
 __all__ = ['add_arguments', 'run']
 
@@ -86,6 +86,8 @@ def _in_batch(args, motion):
     behaviour = behaviour_named(load_behaviours(args.model), args.behaviour or '')
     space, names = space_of(args.model), list(behaviour.joint_names)
     motion, _ = hide(motion, names, args.mask)
+    # before coordinates fold it: what no joint can be
+    motion = motion.replace(positions=np.where(np.abs(motion.positions) <= FARTHEST, motion.positions, np.nan))
     motion = (motion if space is None else space.encode_motion(motion)).joints(names)
     result = batch_em(behaviour, motion.times, motion.positions)
     said = {'method': 'batch', 'style': result.style.tolist(), 'converged': result.converged,

@@ -12,8 +12,10 @@ from style_core.phase_style.observation import ObservationChecker
 from style_core.phase_style.settings import GAP_S
 from style_core.predictor import Estimate, Prediction, Status
 
-__all__ = ['EQ_13', 'FORGETTING', 'PaperPredictor', 'BatchResult', 'batch_em', 'checked_forgetting']
+__all__ = ['EQ_13', 'FARTHEST', 'FORGETTING', 'PaperPredictor', 'BatchResult', 'batch_em', 'checked_forgetting']
 
+#: No joint is farther from 0, rad (as on line, observation.pyx).
+FARTHEST = 1e4
 #: lambda of the paper.
 FORGETTING = 0.8
 #: `PaperPredictor`'s observation noise that is eq. (13) alone.
@@ -253,7 +255,7 @@ def batch_em(behaviour, times, y, iterations=30, tolerance=1e-3):
     behaviour : Behaviour
     times : ndarray, shape (T,)
     y : ndarray, shape (T, D)
-        Rad; NaN where missing.
+        Rad; NaN where missing, and so is what no joint can be, beyond 10,000.
     iterations : int
     tolerance : float
         Converged when no style component changes by more than this share of the largest.
@@ -268,13 +270,13 @@ def batch_em(behaviour, times, y, iterations=30, tolerance=1e-3):
         If there are fewer than five frames or nothing was observed.
     """
     y, times = np.ascontiguousarray(y, dtype=float), np.asarray(times, dtype=float)
-    seen = ~np.isnan(y)
+    seen = np.abs(y) <= FARTHEST        # false where NaN
     if len(y) < 5 or not seen.any():
         raise MotionError(f'{len(y)} frames with {int(seen.sum())} values are too few to adapt to')
     table = Table(tabulate(behaviour.processes(), behaviour.rhythmic))
     observed, clean = seen.astype(np.uint8), np.where(seen, y, 0.0)
     steps = np.diff(times, prepend=times[0])
-    start = _start(behaviour, table, times, y)
+    start = _start(behaviour, table, times, clean, observed)
     style = behaviour.styles.mean(axis=0)
     likelihoods, changes, converged = [], [], False
     for _ in range(iterations):
@@ -291,7 +293,7 @@ def batch_em(behaviour, times, y, iterations=30, tolerance=1e-3):
         ridge = 1e-12 * np.trace(normal) * np.eye(len(normal))
         new = np.linalg.solve(normal + ridge, np.einsum('tjd,td->j', weighted, clean) + ridge @ style)
         likelihoods.append(float(total))
-        changes.append(float(np.max(np.abs(new - style)) / np.max(np.abs(new))))
+        changes.append(float(np.max(np.abs(new - style)) / max(np.max(np.abs(new)), 1e-12)))
         style = new
         if changes[-1] < tolerance:
             converged = True
@@ -299,9 +301,8 @@ def batch_em(behaviour, times, y, iterations=30, tolerance=1e-3):
     return BatchResult(style, phases, velocities, one.covariance, likelihoods, changes, converged)
 
 
-def _start(behaviour, table, times, y):
+def _start(behaviour, table, times, clean, observed):
     """Phase, velocity and variances at the first frame: those of the likeliest hypothesis over all frames."""
-    observed, clean = (~np.isnan(y)).astype(np.uint8), np.nan_to_num(y)
     best = None
     for one in _filters(behaviour, table, 0.95, 1 / behaviour.rate_hz):
         first = (one.phase, one.velocity, one.covariance[0, 0], one.covariance[1, 1])
