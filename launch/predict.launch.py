@@ -9,6 +9,7 @@ from pathlib import Path
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
+from launch_ros.parameter_descriptions import ParameterValue
 
 sys.path.insert(0, str(Path(__file__).parent))
 from nodes import CONFIG, local_only, predictor
@@ -18,10 +19,15 @@ ARGUMENTS = {
     'joint_map': ('', 'YAML file from model joints to robot joints; empty where they are the same'),
     'params': (str(CONFIG / 'predictor.yaml'), 'parameter file of the predictor'),
     'method': ('full', 'full, or paper: the published method alone'),
+    'behaviour': ('', 'of the model file, for method:=paper; its first where empty'),
+    'forgetting': ('0.8', 'lambda of the published method, for method:=paper'),
     'joint_states': ('joint_states', 'topic of the joint states'),
     'namespace': ('', 'namespace of the node'),
     'autostart': ('true', 'configure and activate the node'),
 }
+
+#: of parameters whose text might be read as something else
+KINDS = {'behaviour': str, 'forgetting': float}
 
 
 def generate_launch_description():
@@ -29,4 +35,6 @@ def generate_launch_description():
     return LaunchDescription([
         DeclareLaunchArgument(name, default_value=default, description=text)
         for name, (default, text) in ARGUMENTS.items()
-    ] + local_only('false') + predictor(**{name: LaunchConfiguration(name) for name in ARGUMENTS}))
+    ] + local_only('false') + predictor(**{
+        name: ParameterValue(LaunchConfiguration(name), value_type=KINDS[name]) if name in KINDS
+        else LaunchConfiguration(name) for name in ARGUMENTS}))

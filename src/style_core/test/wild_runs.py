@@ -170,8 +170,10 @@ class Runs:
                    (['convert', file, converted, '--rate', '50'], []), (['predict', model, file, '-o', out], [out]),
                    (['predict', model, file, '-o', out, '--ahead', '0.1'], [out]),
                    (['evaluate', model, file, '--horizon', '2', '--json'], []), (['evaluate', model, file], [])]
-        if kind != 'phase-style':
-            choices.append((['analyze', model, file, '--json'], []))
+        choices.append((['analyze', model, file, '--json'], []))
+        if kind == 'phase-style':
+            choices += [(['analyze', model, file, '--batch', '--json'], []),
+                        (['fill', model, file, '-o', out, '--method', 'paper'], [out])]
         if kind != 'style-machine':
             choices.append((['fill', model, file, '-o', out], [] if what in ('wound', 'huge', 'spike') else [out]))
         words, outputs = choices[int(rng.integers(len(choices)))]

@@ -4,7 +4,7 @@ from dataclasses import fields
 import numpy as np
 
 from style_core.errors import UsageError
-from style_core.phase_style import METHODS
+from style_core.phase_style import FORGETTING, METHODS
 from style_core.stream.stream import StreamSettings
 from style_core.synthesis.player import STAMP_MODES, Faults
 from style_node.parameter_table import Parameter, ParameterTable
@@ -49,6 +49,10 @@ PREDICTOR = ParameterTable((
     Parameter('model', '', 'Model file: absolute, or relative to models_folder', live=False),
     Parameter('models_folder', '', 'Folder of models; empty for those that come with the suite', live=False),
     Parameter('method', METHODS[0], 'Filter: the full one, or the published method alone', choices=METHODS, live=False),
+    Parameter('behaviour', '', 'Behaviour of the model file that the published method follows, the first where empty; '
+              'the full filter follows all and takes none', live=False),
+    Parameter('forgetting', FORGETTING, 'lambda of the published method, a frame at the rate of the model; 1 forgets '
+              'nothing. The full filter has none', lower=0.01, upper=1.0),
     Parameter('histories', True, 'Lean on the recorded motion that a model trained with --histories holds; the full '
               'filter alone where false', live=False),
     Parameter('joint_map', '', 'YAML file of robot joint names, signs, offsets, scales and limits; empty where the '

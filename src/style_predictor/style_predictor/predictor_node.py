@@ -115,7 +115,9 @@ class PredictorNode(SoundLifecycleNode):
 
     def _build(self, path, horizons):
         """Model, stream and writers, all warm."""
-        live = load_live(self._model_path(path), self._values['method'], horizons, self._values['histories'])
+        values = self._values
+        live = load_live(self._model_path(path), values['method'], horizons, values['histories'], values['behaviour'],
+                         values['forgetting'])
         joint_map = read_joint_map(self._values['joint_map']) if self._values['joint_map'] else identity_map()
         stream = PredictorStream(live.predictor, joint_map.bind(live.predictor.joint_names), settings_of(self._values))
         return live, stream, Writers(live, stream, horizons)
@@ -135,6 +137,7 @@ class PredictorNode(SoundLifecycleNode):
             return
         self._values = values
         self._stream.configure(settings_of(values))
+        self._live.forget(values['forgetting'])
         horizons = horizons_of(values)
         if not np.array_equal(horizons, self._horizons):
             self._horizons = horizons
@@ -259,6 +262,7 @@ class PredictorNode(SoundLifecycleNode):
         if masked:
             stream.set_mask(masked, False)
         stream.configure(settings_of(self._values))
+        live.forget(self._values['forgetting'])
         stream.tally = old.tally
         self._live, self._stream, self._writers, self._outlook = live, stream, writers, None
         if self._active:

@@ -6,6 +6,7 @@ import pytest
 import yaml
 
 from style_core.errors import UsageError
+from style_core.phase_style import FORGETTING
 from style_core.stream.joint_map import read_joint_map
 from style_core.stream.stream import StreamSettings
 from style_core.synthesis.player import Faults
@@ -26,6 +27,14 @@ def test_defaults_are_those_of_the_mathematics():
     assert faults_of(defaults(PLAYER)) == Faults()
 
 
+def test_forgetting_is_that_of_the_paper_and_live():
+    now = defaults(PREDICTOR)
+    assert now['forgetting'] == FORGETTING == 0.8
+    assert PREDICTOR.check_change(now, {'forgetting': 0.95}, True)['forgetting'] == 0.95
+    with pytest.raises(UsageError, match='behaviour'):
+        PREDICTOR.check_change(now, {'behaviour': 'jump'}, True)
+
+
 def test_horizons():
     np.testing.assert_allclose(horizons_of({'horizon': 0.4, 'step': 1 / 60}), np.arange(25) / 60)
     np.testing.assert_allclose(horizons_of({'horizon': 0.1, 'step': 0.1}), [0.0, 0.1])
@@ -33,7 +42,8 @@ def test_horizons():
 
 @pytest.mark.parametrize('changes, message', [
     ({'step': 0.5}, 'must not exceed horizon'), ({'horizon': 10.0, 'step': 0.001}, '1000 points'),
-    ({'max_gap': 0.05}, 'max_gap'), ({'method': 'magic'}, 'method')])
+    ({'max_gap': 0.05}, 'max_gap'), ({'method': 'magic'}, 'method'), ({'forgetting': 0.0}, 'forgetting'),
+    ({'forgetting': 1.01}, 'forgetting')])
 def test_values_that_do_not_go_together(changes, message):
     with pytest.raises(UsageError, match=message):
         PREDICTOR.check({**defaults(PREDICTOR), **changes})

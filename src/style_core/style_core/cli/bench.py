@@ -35,6 +35,7 @@ AREAS = {
         '8': ('prediction_timing', 'bad timing'),
         '9': ('prediction_faults', 'sensors that lie'),
         '10': ('prediction_groups', 'motion that no model knows'),
+        '11': ('prediction_forgetting', 'the published method: lambda, and to the letter'),
         'ablation': ('prediction_ablation', 'what each ingredient is worth'),
         'bars': ('prediction_bars', 'summary of all tables against the goals set'),
     }

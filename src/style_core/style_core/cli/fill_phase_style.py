@@ -8,14 +8,18 @@ motion-style fill MODEL.npz walk.amc -o whole.csv --mask 'rfemur.*' 'rtibia.*' '
 import numpy as np
 from tqdm import tqdm
 
+from style_core.angles import reordered
 from style_core.cli.files import add_output
-from style_core.cli.predictor_arguments import add_reading, hide
+from style_core.cli.predictor_arguments import add_published, add_reading, fitted, hide
 from style_core.cli.recordings import read_recording
+from style_core.errors import UsageError
 from style_core.formats import write_motion
 from style_core.joint_space import space_of
 from style_core.motion import Motion
-from style_core.phase_style import load_behaviours
+from style_core.phase_style import METHODS, load_behaviours
+from style_core.phase_style.analysis import follow
 from style_core.phase_style.smoother import fill
+from style_core.predictor_file import read_predictor
 
 __all__ = ['add_arguments', 'run']
 
@@ -26,6 +30,10 @@ def add_arguments(parser, argv):
     add_output(parser, '-o', '--output', required=True, metavar='FILE', help='motion file to write')
     add_output(parser, '--std', what='table', metavar='FILE.csv', help='also write the standard deviations, rad')
     add_reading(parser)
+    parser.add_argument('--method', choices=METHODS, default=METHODS[0],
+                        help='full: the full model, from both sides of a gap (default); paper: the published method on '
+                             'line, each frame from those before it')
+    add_published(parser)
 
 
 def run(args):
@@ -34,6 +42,25 @@ def run(args):
     names = behaviours[0].joint_names
     motion = read_recording(args.file, args.recorded_rate, args.unit)
     masked, hidden = hide(motion, names, args.mask)
+    if args.method == METHODS[0] and (args.forgetting is not None or args.behaviour):
+        raise UsageError('--forgetting and --behaviour are for --method paper')
+    filled, std, said = (_smoothed if args.method == METHODS[0] else _on_line)(args, behaviours, masked)
+    write_motion(filled, args.output)
+    if args.std:
+        write_motion(Motion(names, std, motion.times, name=motion.name), args.std)
+    missing = int(np.isnan(masked.joints(list(names)).positions).sum())
+    print(f'filled {missing} of {masked.n_frames * len(names)} values')
+    for line in said:
+        print(line)
+    if hidden:
+        error = filled.joints(hidden).positions - motion.joints(hidden).positions
+        print(f'error of the hidden joints: {np.degrees(np.sqrt(np.nanmean(error ** 2))):.2f} degrees RMS')
+    print(f'wrote {args.output}')
+
+
+def _smoothed(args, behaviours, masked):
+    """Filled motion, standard deviations (T, D), and a line a piece."""
+    names = behaviours[0].joint_names
     space = space_of(args.model)
     shown = masked if space is None else space.encode_motion(masked)
     filled, std, report = fill(behaviours, shown, lambda pieces: tqdm(pieces, desc='smoothing', unit='piece',
@@ -43,16 +70,24 @@ def run(args):
         positions = masked.positions.copy()
         positions[:, place], std = space.select(names).fill_in(positions[:, place], filled.joints(names).positions, std)
         filled = masked.replace(positions=positions)
-    write_motion(filled, args.output)
-    if args.std:
-        write_motion(Motion(names, std, motion.times, name=motion.name), args.std)
-    missing = int(np.isnan(masked.joints(list(names)).positions).sum())
-    print(f'filled {missing} of {masked.n_frames * len(names)} values')
-    for one in report:
-        end = 'converged' if one['converged'] else 'not converged'
-        print(f'{one["from_s"]:.2f} to {one["to_s"]:.2f} s: {one["behaviour"]}, {len(one["log_evidence"])} iterations, '
-              f'{end}, log evidence {one["log_evidence"][-1]:.1f}')
-    if hidden:
-        error = filled.joints(hidden).positions - motion.joints(hidden).positions
-        print(f'error of the hidden joints: {np.degrees(np.sqrt(np.nanmean(error ** 2))):.2f} degrees RMS')
-    print(f'wrote {args.output}')
+    return filled, std, [
+        f'{one["from_s"]:.2f} to {one["to_s"]:.2f} s: {one["behaviour"]}, {len(one["log_evidence"])} iterations, '
+        f'{"converged" if one["converged"] else "not converged"}, log evidence {one["log_evidence"][-1]:.1f}'
+        for one in report]
+
+
+def _on_line(args, behaviours, masked):
+    """The same by the published method."""
+    found = read_predictor(args.model, args.method, forgetting=args.forgetting, behaviour=args.behaviour)
+    names = list(found.predictor.joint_names)
+    shown = fitted(masked, found.predictor)
+    course = follow(found.predictor, shown, lambda frames: tqdm(frames, desc='following', unit='frame', disable=None,
+                                                                leave=False))
+    missing = np.isnan(shown.positions)
+    # the order in which the file's joints turn; what was measured stays as it was
+    whole = reordered(shown.replace(positions=np.where(missing, course.mean, shown.positions)), masked.orders)
+    positions = masked.positions.copy()
+    place = [masked.joint_names.index(name) for name in names]
+    positions[:, place] = np.where(np.isnan(positions[:, place]), whole.joints(names).positions, positions[:, place])
+    return masked.replace(positions=positions), np.where(missing, course.std, 0.0), [
+        f'{course.behaviour[-1]}, at the end {course.status[-1].name}']

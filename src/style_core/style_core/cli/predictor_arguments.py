@@ -2,14 +2,15 @@
 import numpy as np
 
 from style_core.angles import reordered
+from style_core.cli.number import Number
 from style_core.cli.recordings import add_recorded_rate
 from style_core.errors import MotionError, UsageError
 from style_core.motion import matching_names
-from style_core.phase_style import KIND, METHODS
+from style_core.phase_style import FORGETTING, KIND, METHODS
 from style_core.phase_style.full import PARTS
 from style_core.predictor_file import read_predictor
 
-__all__ = ['add_reading', 'add_method', 'predictor_of', 'fitted', 'hide']
+__all__ = ['add_reading', 'add_method', 'add_published', 'predictor_of', 'read_of', 'fitted', 'hide']
 
 
 def add_reading(parser):
@@ -23,15 +24,30 @@ def add_method(parser):
     """Method and behaviours left out."""
     parser.add_argument('--method', choices=METHODS, default=METHODS[0],
                         help='of a phase-style model: full, the full filter (default); paper, the published method '
-                             'with the first behaviour only')
+                             'with one behaviour')
+    add_published(parser)
     parser.add_argument('--without', nargs='+', default=[], choices=(*PARTS, 'histories', 'unknown'), metavar='PART',
                         help=f'parts of the full filter to leave out: {", ".join(PARTS)}, or histories (the recorded '
                              'motion that a model trained with --histories holds)')
 
 
+def add_published(parser):
+    """Settings of the published method."""
+    parser.add_argument('--forgetting', action=Number, above=0, most=1, metavar='LAMBDA',
+                        help='with --method paper: forgetting factor of the style for a frame at the rate of the '
+                             f'model, up to 1, which forgets nothing (default: {FORGETTING})')
+    parser.add_argument('--behaviour', metavar='NAME',
+                        help='with --method paper: the behaviour to follow (default: the first of the file)')
+
+
+def read_of(args):
+    """What `read_predictor` makes of the model, the method and the settings that were asked for."""
+    return read_predictor(args.model, args.method, args.without, forgetting=args.forgetting, behaviour=args.behaviour)
+
+
 def predictor_of(args):
     """Predictor of the model and method that were asked for, and the method: None for kinds that have only one."""
-    found = read_predictor(args.model, args.method, args.without)
+    found = read_of(args)
     return found.predictor, args.method if found.kind == KIND else None
 
 

@@ -47,7 +47,8 @@ KIND_COMMANDS = {
     'evaluate': dict.fromkeys(_PREDICTING, 'style_core.cli.evaluate'),
     'synthesize': {'style-machine': 'style_core.cli.synthesize_style_machine',
                    'locomotion': 'style_core.cli.synthesize_locomotion'},
-    'analyze': {'style-machine': 'style_core.cli.analyze_style_machine',
+    'analyze': {'phase-style': 'style_core.cli.analyze_phase_style',
+                'style-machine': 'style_core.cli.analyze_style_machine',
                 'locomotion': 'style_core.cli.analyze_locomotion'},
     'fill': {'phase-style': 'style_core.cli.fill_phase_style', 'locomotion': 'style_core.cli.fill_locomotion'},
 }

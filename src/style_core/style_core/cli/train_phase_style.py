@@ -28,6 +28,7 @@ from style_core.cli.soundness import doubt_fit, doubt_recordings, doubt_repetiti
 from style_core.errors import UsageError
 from style_core.joint_space import fit_space
 from style_core.phase_style import learn_correction, save_behaviours
+from style_core.phase_style.published_learning import train_published
 from style_core.phase_style.training import RATE_HZ, to_sequence, train
 
 __all__ = ['add_arguments', 'run']
@@ -51,6 +52,9 @@ def add_arguments(parser, argv):
                         help=f'rate to learn at (default: {RATE_HZ:g}; the predictor takes any rate)')
     parser.add_argument('--histories', action='store_true',
                         help='keep the recordings in the model file and learn their weight beside the filter')
+    parser.add_argument('--published', action='store_true',
+                        help='learn as published: one cycle a recording, aligned by whole frames. Such a model is for '
+                             '--method paper only')
     parser.add_argument('--aligned-by', metavar='LOCOMOTION.npz',
                         help='take the phases of rhythmic recordings from this locomotion model (which must know '
                              'joints of theirs) instead of their auto-correlation')
@@ -69,6 +73,8 @@ def run(args):
     for (name, *files), _ in groups:
         if not files:
             raise UsageError(f'behaviour {name!r} has no recordings')
+    if args.published and (args.histories or args.aligned_by):
+        raise UsageError('--published learns for the published method, which has no --histories and no --aligned-by')
     paths = sorted({file for (_, *files), _ in groups for file in files})
     motions = {}
     for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
@@ -85,9 +91,16 @@ def run(args):
         def phase_of(motion):
             found = analyze(aligner, recorded[motion.name])
             return found.times, found.phase
+
+    def learned(name, files, rhythmic):
+        given = [motions[file] for file in files], name, rhythmic, joints, args.styles, args.rate
+        groups = [people[file] for file in files]
+        if args.published:
+            return train_published(*given, groups=groups)
+        return train(*given, progress=True, phase_of=phase_of if rhythmic else None, groups=groups)
+
     behaviours = [
-        train([motions[file] for file in files], name, rhythmic, joints, args.styles, args.rate, progress=True,
-              phase_of=phase_of if rhythmic else None, groups=[people[file] for file in files])
+        learned(name, files, rhythmic)
         for (name, *files), rhythmic in tqdm(groups, desc='learning', unit='behaviour', disable=None, leave=False)]
     correction = None
     if args.histories:

@@ -47,25 +47,29 @@ cdef class MatsubaraFilter:
     forgetting : float
         lambda for a time step of ``step`` seconds; a step of another length forgets accordingly.
     step : float
+    wander, jitter : float
+        White noise on the phase and on its velocity, independent of each other, variance a second: a diagonal Q.
     """
 
     cdef readonly Table table
     cdef readonly double phase, velocity, innovation, log_likelihood
-    cdef double p00, p01, p11, acceleration, log_forgetting, share
+    cdef double p00, p01, p11, acceleration, wander, jitter, log_forgetting, share, step
     cdef readonly double learning_rate
     cdef int count, channels
     cdef matsubara f
     cdef double[::1] memory, moment, scratch
     cdef double[:, ::1] normal, noisy, work, spread
 
-    def __init__(self, Table table, noise, double acceleration, style, double forgetting, double step):
+    def __init__(self, Table table, noise, double acceleration, style, double forgetting, double step,
+                 double wander=0, double jitter=0):
         cdef int j, width = table.width
         if table.count > MOST:
             raise ValueError(f'at most {MOST} styles, got {table.count}')
         self.table = table
         self.count, self.channels = table.count, table.channels
-        self.acceleration = acceleration
-        self.log_forgetting = log(forgetting) / step
+        self.acceleration, self.wander, self.jitter = acceleration, wander, jitter
+        self.step = step
+        self.forget(forgetting)
         self.moment = np.zeros(self.count)
         self.normal = np.zeros((self.count, self.count))
         self.noisy = np.zeros((self.count, self.count))
@@ -89,6 +93,10 @@ cdef class MatsubaraFilter:
         """Set the phase and its velocity, uncorrelated."""
         self.phase, self.velocity = phase, velocity
         self.p00, self.p01, self.p11 = phase_variance, 0, velocity_variance
+
+    def forget(self, double forgetting):
+        """Set lambda from the next update on; what was weighted so far keeps its weight."""
+        self.log_forgetting = log(forgetting) / self.step
 
     @property
     def covariance(self):
@@ -120,12 +128,14 @@ cdef class MatsubaraFilter:
                 self._maximise(dt)
 
     cdef void _predict(self, double dt) noexcept nogil:
-        """(A.1), (A.2) with A = [[1, dt], [0, 1]] and Q of a phase whose acceleration is white."""
+        """(A.1), (A.2) with A = [[1, dt], [0, 1]] and Q of a phase whose acceleration is white, or a diagonal one."""
         cdef double q = self.acceleration
         self.phase += dt * self.velocity
         self.p00 += dt * (2 * self.p01 + dt * self.p11) + q * dt * dt * dt / 3
         self.p01 += dt * self.p11 + q * dt * dt / 2
         self.p11 += q * dt
+        self.p00 += self.wander * dt
+        self.p11 += self.jitter * dt
         self._bound()
 
     cdef void _correct(self, const double[::1] y, const unsigned char[::1] observed, int seen) noexcept nogil:
@@ -262,7 +272,8 @@ cdef class MatsubaraFilter:
         cdef cubic at
         cdef double phase = self.phase + ahead * self.velocity, speed = self.velocity
         cdef double phase_variance = self.p00 + ahead * (2 * self.p01 + ahead * self.p11) \
-            + self.acceleration * ahead * ahead * ahead / 3
+            + self.acceleration * ahead * ahead * ahead / 3 \
+            + ahead * (self.wander + self.jitter * ahead * ahead / 3)
         if not self.table.rhythmic and (phase >= 1 or phase <= 0):
             phase = 1 if phase >= 1 else 0
             speed = 0
