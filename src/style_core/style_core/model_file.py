@@ -8,7 +8,7 @@ import numpy as np
 from style_core import __version__
 from style_core.archive import read_archive
 from style_core.errors import ModelError, MotionError
-from style_core.formats.files import replacing
+from style_core.formats.files import replacing, write_arrays
 from style_core.model_schema import check_model
 
 __all__ = ['FORMAT_VERSION', 'save_model', 'load_model', 'read_header', 'write_archive', 'training_files',
@@ -97,7 +97,7 @@ def write_archive(path, header, arrays):
     header[_CHECKSUM] = _checksum(header, arrays)
     try:
         with replacing(path, 'wb') as stream:
-            np.savez_compressed(stream, **{_HEADER: np.array(json.dumps(header, sort_keys=True))}, **arrays)
+            write_arrays(stream, **{_HEADER: np.array(json.dumps(header, sort_keys=True))}, **arrays)
     except MotionError as error:
         raise ModelError(str(error)) from None
 

@@ -13,7 +13,7 @@ from style_core.budgets import RECORDING_BYTES
 from style_core.errors import MotionError
 from style_core.regular_file import read_regular
 
-__all__ = ['read_text', 'read_table', 'number', 'constant_step_s', 'replacing']
+__all__ = ['read_text', 'read_table', 'number', 'constant_step_s', 'replacing', 'write_arrays']
 
 
 def read_text(path):
@@ -125,3 +125,10 @@ def _beside(target):
         name = target.parent / f'.{target.name[:100]}.{secrets.token_hex(4)}.part'
         with contextlib.suppress(FileExistsError):
             return os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, 'O_CLOEXEC', 0), 0o666), name
+
+
+def write_arrays(stream, **arrays):
+    """Write a compressed .npz; made in memory first, as an archive that a full disk cuts off complains when it goes."""
+    made = io.BytesIO()
+    np.savez_compressed(made, **arrays)
+    stream.write(made.getbuffer())

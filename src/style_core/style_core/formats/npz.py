@@ -6,7 +6,7 @@ import numpy as np
 from style_core.archive import read_archive
 from style_core.errors import MotionError
 from style_core.formats import smpl
-from style_core.formats.files import replacing
+from style_core.formats.files import replacing, write_arrays
 from style_core.motion import Motion
 
 __all__ = ['read', 'write']
@@ -62,6 +62,6 @@ def write(motion, path):
     """Write a motion."""
     orders = np.array(sorted(motion.orders.items()), dtype=str).reshape(-1, 2)
     with replacing(path, 'wb') as stream:
-        np.savez_compressed(stream, joint_names=np.array(motion.joint_names), positions=motion.positions,
-                            times=motion.times, units=np.array(motion.units), name=np.array(motion.name),
-                            epoch_ns=np.array(motion.epoch_ns, dtype=np.int64), orders=orders)
+        write_arrays(stream, joint_names=np.array(motion.joint_names), positions=motion.positions,
+                     times=motion.times, units=np.array(motion.units), name=np.array(motion.name),
+                     epoch_ns=np.array(motion.epoch_ns, dtype=np.int64), orders=orders)
