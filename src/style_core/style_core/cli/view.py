@@ -1,0 +1,99 @@
+"""Look at motion as a body in 3D in the browser.
+
+motion-style view walk.bvh
+    a recording: play, scrub, speed, floor, contacts, trails
+motion-style view a.amc b.amc --apart 1.5
+    two motions side by side; with --apart 0 laid over each other
+motion-style view robot.csv --skeleton robot.urdf
+    a robot as its file describes it
+
+The page is served on this machine only, at http://127.0.0.1:8080, unless --host says otherwise: whoever can reach the
+address can look at the motion and move the controls.
+"""
+from pathlib import Path
+
+from style_core.cli.number import Count, Number
+from style_core.cli.recordings import add_recorded_rate, named_recording
+from style_core.errors import UsageError
+from style_core.formats import skeleton_of
+from style_core.skeleton import read_skeleton
+
+__all__ = ['add_arguments', 'run']
+
+
+def add_arguments(parser, argv):
+    """Files, body, address."""
+    parser.add_argument('files', nargs='*', metavar='FILE', help='one motion, or two')
+    parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf to draw with (default: the one in or '
+                                                           'beside the recording)')
+    parser.add_argument('--apart', action=Number, default=1.2, metavar='M',
+                        help='how far apart two motions stand; 0 lays them over each other (default: 1.2)')
+    parser.add_argument('--hold', action='store_true', help='leave a body whose root is not recorded where it hangs, '
+                                                            'instead of walking it over the floor')
+    add_recorded_rate(parser)
+    parser.add_argument('--host', default='127.0.0.1', metavar='ADDRESS',
+                        help='address to serve on (default: 127.0.0.1, this machine only)')
+    parser.add_argument('--port', action=Count, most=65535, default=8080, metavar='N', help='default: 8080')
+
+
+def run(args):
+    """Serve the page until Ctrl-C."""
+    from style_core.view.page import need_viser
+    need_viser()
+    if not args.files:
+        raise UsageError('what should be shown? a motion file, or two')
+    if len(args.files) > 2:
+        raise UsageError(f'two motions at most are shown together, not {len(args.files)}')
+    _serve(args, _recordings(args))
+
+
+def _recordings(args):
+    """(figure, meshes) of each file, on the floor."""
+    from style_core.view.recording import COLOURS, body_of, placed
+    found = []
+    for path, colour in zip(args.files, COLOURS):
+        motion = named_recording(path, args.recorded_rate, args.unit)
+        skeleton = read_skeleton(args.skeleton) if args.skeleton else skeleton_of(path)
+        figure, meshes, missing = body_of(motion, skeleton, args.skeleton, colour)
+        if missing:
+            print(f'{args.skeleton}: {len(missing)} mesh files are not there ({missing[0]}): their links are bare')
+        if 'm' in motion.units or not args.hold:
+            figure = placed(figure, 'm' in motion.units)
+        if found:
+            figure = figure.moved(_start(found[0][0], figure, args.apart))
+        found.append((figure, meshes))
+    return found
+
+
+def _start(first, second, apart):
+    """What moves the second body beside the first one's start."""
+    return (*(first.points[0, 0, :2] - second.points[0, 0, :2] + (0, apart)), 0.0)
+
+
+def _serve(args, bodies):
+    from style_core.view.ground import contacts_of
+    from style_core.view.page import Actor, Page, opened
+    from style_core.view.recording import trail_bodies
+    title = ', '.join(Path(path).stem for path in args.files)
+    with opened(args.host, args.port, title) as server:
+        page = Page(server, max(figure.duration_s for figure, _ in bodies), title)
+        for number, (figure, meshes) in enumerate(bodies):
+            page.add(Actor(server.scene, f'body_{number}', figure, contacts_of(figure), trail_bodies(figure),
+                           meshes=meshes))
+        look(page)
+        announce(args)
+        page.run()
+
+
+def look(page):
+    """Stand where the bodies fill the view."""
+    import numpy as np
+    starts = np.array([actor.figure.points[0] for actor in page.actors])
+    flat = starts.reshape(-1, 3)[np.isfinite(starts.reshape(-1, 3)).all(axis=1)]
+    size = max(float(np.ptp(flat, axis=0).max()), 0.1)
+    page.look_at((flat.min(axis=0) + flat.max(axis=0)) / 2, 1.5 * size)
+
+
+def announce(args):
+    """Say where the page is."""
+    print(f'showing at http://{args.host}:{args.port} - Ctrl-C ends', flush=True)
