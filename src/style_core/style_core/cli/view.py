@@ -7,6 +7,9 @@ motion-style view a.amc b.amc --apart 1.5
 motion-style view robot.csv --skeleton robot.urdf
     a robot as its file describes it
 
+motion-style view walk.amc --predict MODEL.npz --ahead 0.2
+    laid over the recording: what the model predicted 0.2 s before, its band, phase and behaviours
+
 The page is served on this machine only, at http://127.0.0.1:8080, unless --host says otherwise: whoever can reach the
 address can look at the motion and move the controls.
 """
@@ -20,6 +23,9 @@ from style_core.skeleton import read_skeleton
 
 __all__ = ['add_arguments', 'run']
 
+#: colour of what was recorded, where a prediction is laid over it
+_RECORDED = (27, 31, 36)
+
 
 def add_arguments(parser, argv):
     """Files, body, address."""
@@ -30,6 +36,9 @@ def add_arguments(parser, argv):
                         help='how far apart two motions stand; 0 lays them over each other (default: 1.2)')
     parser.add_argument('--hold', action='store_true', help='leave a body whose root is not recorded where it hangs, '
                                                             'instead of walking it over the floor')
+    parser.add_argument('--predict', metavar='MODEL', help='lay over the recording what this model predicts')
+    parser.add_argument('--ahead', action=Number, least=0, most=1, default=0.2, metavar='S',
+                        help='with --predict: how long before (default: 0.2)')
     add_recorded_rate(parser)
     parser.add_argument('--host', default='127.0.0.1', metavar='ADDRESS',
                         help='address to serve on (default: 127.0.0.1, this machine only)')
@@ -44,6 +53,8 @@ def run(args):
         raise UsageError('what should be shown? a motion file, or two')
     if len(args.files) > 2:
         raise UsageError(f'two motions at most are shown together, not {len(args.files)}')
+    if args.predict:
+        return _serve_prediction(args)
     _serve(args, _recordings(args))
 
 
@@ -85,13 +96,42 @@ def _serve(args, bodies):
         page.run()
 
 
+def _serve_prediction(args):
+    import numpy as np
+
+    from style_core.cli.predictor_arguments import fitted
+    from style_core.predictor_file import read_predictor
+    from style_core.view.ground import contacts_of
+    from style_core.view.page import Actor, Page, opened
+    from style_core.view.prediction_page import PredictionPanel
+    from style_core.view.recording import body_of, placed, trail_bodies
+    if len(args.files) != 1:
+        raise UsageError('--predict goes with one recording')
+    recording = named_recording(args.files[0], args.recorded_rate, args.unit)
+    skeleton = read_skeleton(args.skeleton) if args.skeleton else skeleton_of(args.files[0])
+    hanging, meshes, _ = body_of(recording, skeleton, args.skeleton, _RECORDED)
+    recording = recording.joints([name for name in recording.joint_names if name in set(skeleton.channel_names)])
+    found = read_predictor(args.predict)
+    motion = fitted(recording, found.predictor)
+    rooted = 'm' in recording.units
+    body = hanging if args.hold and not rooted else placed(hanging, rooted)
+    offset = np.nan_to_num(body.points[:, 0] - hanging.points[:, 0])
+    with opened(args.host, args.port, recording.name) as server:
+        page = Page(server, body.duration_s, recording.name)
+        page.add(Actor(server.scene, 'recorded', body, contacts_of(body), trail_bodies(body), meshes=meshes))
+        look(page)
+        PredictionPanel(page, found, motion, recording, skeleton, offset, args.ahead)
+        announce(args)
+        page.run()
+
+
 def look(page):
     """Stand where the bodies fill the view."""
     import numpy as np
-    starts = np.array([actor.figure.points[0] for actor in page.actors])
-    flat = starts.reshape(-1, 3)[np.isfinite(starts.reshape(-1, 3)).all(axis=1)]
-    size = max(float(np.ptp(flat, axis=0).max()), 0.1)
-    page.look_at((flat.min(axis=0) + flat.max(axis=0)) / 2, 1.5 * size)
+    starts = np.concatenate([actor.figure.points[0] for actor in page.actors])
+    starts = starts[np.isfinite(starts).all(axis=1)] - page.actors[0].figure.points[0, 0] * (1, 1, 0)
+    size = max(float(np.ptp(starts, axis=0).max()), 0.1)
+    page.look_at((starts.min(axis=0) + starts.max(axis=0)) / 2, 1.6 * size)
 
 
 def announce(args):

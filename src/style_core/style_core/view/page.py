@@ -1,4 +1,4 @@
-"""The page in the browser: bodies on a floor, a clock that plays them, and the server behind. The only user of viser."""
+"""The page in the browser: bodies on a floor, a clock that plays them, the server behind; the only user of viser."""
 import threading
 import time
 from contextlib import contextmanager
@@ -52,30 +52,32 @@ class Actor:
 
     def __init__(self, scene, name, figure, contacts=(), trail=(), opacity=None, meshes=()):
         self._scene, self._name, self._opacity = scene, name, opacity
-        self.figure, self._contacts, self._trail = figure, tuple(contacts), tuple(trail)
+        self.figure, self._trail = figure, tuple(trail)
         self.visible, self.show_contacts, self.show_trail = True, True, bool(trail)
-        self._frame = None
-        self._groups = [(rows, self._batch(shape, rows)) for shape, rows in _grouped(figure.shapes)]
+        self.delay_s, self._frame = 0.0, None
+        # a node a part: what viser draws in batches arrives in the browser later than what is moved
+        self._parts = [self._solid(part, shape) for part, shape in enumerate(figure.shapes)]
         self._meshes = [(mesh, self._wear(number, mesh)) for number, mesh in enumerate(meshes)]
-        self._soles = [(contact, scene.add_icosphere(f'/{name}/contact_{contact.foot}', 0.05, _CONTACT, opacity=0.5,
-                                                     scale=(1.6, 1.6, 0.15), visible=False))
-                       for contact in self._contacts]
+        self._soles = [(contact, scene.add_icosphere(f'/world/{name}/contact_{contact.foot}', 0.05, _CONTACT,
+                                                     opacity=0.5, scale=(1.6, 1.6, 0.15), visible=False))
+                       for contact in contacts]
         self._path = None
         self.show(0.0)
 
-    def _batch(self, shape, rows):
+    def _solid(self, part, shape):
         from style_core.view.shapes import UNIT
         vertices, faces = UNIT[shape]()
-        places, turns, sizes = _posed(self.figure, 0, rows)
-        return self._scene.add_batched_meshes_simple(
-            f'/{self._name}/{shape}', vertices, faces, turns, places, batched_scales=sizes,
-            batched_colors=self.figure.colours[rows], opacity=self._opacity, lod='off')
+        extent = np.median(self.figure.scales[:, part], axis=0)
+        size = tuple(np.where(np.isfinite(extent), extent, 0.0).tolist())
+        return self._scene.add_mesh_simple(
+            f'/world/{self._name}/{shape}_{part}', vertices * np.float32(size), faces, opacity=self._opacity,
+            color=tuple(self.figure.colours[part].tolist()), flat_shading=shape == 'box', visible=False)
 
     def _wear(self, number, mesh):
         import trimesh
         loaded = trimesh.load(mesh.path, force='mesh')
         return self._scene.add_mesh_simple(
-            f'/{self._name}/mesh_{number}', np.asarray(loaded.vertices) * mesh.scale, np.asarray(loaded.faces),
+            f'/world/{self._name}/mesh_{number}', np.asarray(loaded.vertices) * mesh.scale, np.asarray(loaded.faces),
             color=(150, 158, 168), opacity=self._opacity)
 
     def replace(self, figure, contacts=()):
@@ -92,9 +94,12 @@ class Actor:
         if asked == self._frame:
             return
         self._frame = asked
-        for rows, node in self._groups:
-            node.visible = self.visible
-            node.batched_positions, node.batched_wxyzs, node.batched_scales = _posed(figure, frame, rows)
+        places, turns = figure.positions[frame].astype(float), figure.wxyzs[frame].astype(float)
+        known = np.isfinite(places).all(axis=1) & np.isfinite(turns).all(axis=1)
+        for place, turn, seen, node in zip(places, turns, known, self._parts):
+            node.visible = bool(seen and self.visible)
+            if node.visible:
+                node.position, node.wxyz = place, turn
         for mesh, node in self._meshes:
             turn = figure.rotations[frame, mesh.body]
             node.position = figure.points[frame, mesh.body] + turn @ mesh.position
@@ -117,23 +122,11 @@ class Actor:
         if self._path is not None and not shown:
             self._path.visible = False
         elif shown and self._path is None:
-            self._path = self._scene.add_line_segments(f'/{self._name}/trail', pieces.astype(np.float32),
+            self._path = self._scene.add_line_segments(f'/world/{self._name}/trail', pieces.astype(np.float32),
                                                        (140, 149, 159), thickness=2, thickness_units='screen')
         elif shown:
             self._path.visible = True
             self._path.points, self._path.colors = pieces.astype(np.float32), np.array((140, 149, 159), np.uint8)
-
-
-def _grouped(shapes):
-    return [(shape, np.flatnonzero([one == shape for one in shapes])) for shape in dict.fromkeys(shapes)]
-
-
-def _posed(figure, frame, rows):
-    """Positions, quaternions and scales of some parts; what is not known has no size."""
-    places, turns, sizes = (array[frame, rows] for array in (figure.positions, figure.wxyzs, figure.scales))
-    known = np.isfinite(places).all(axis=1) & np.isfinite(turns).all(axis=1) & np.isfinite(sizes).all(axis=1)
-    return tuple(np.ascontiguousarray(np.where(known[:, None], values, rest), np.float32)
-                 for values, rest in ((places, 0.0), (turns, (1.0, 0.0, 0.0, 0.0)), (sizes, 1e-6)))
 
 
 class Page:
@@ -150,17 +143,21 @@ class Page:
     actors : list of Actor
     on_frame : list of callable
         Called with the seconds shown, some times a second.
+    on_tick : list of callable
+        Called with the seconds shown at every frame, before it is sent.
     lock : threading.RLock
         Held while the scene changes.
     """
 
     def __init__(self, server, duration_s, title=''):
-        self.server, self.actors, self.on_frame = server, [], []
+        self.server, self.actors, self.on_frame, self.on_tick = server, [], [], []
         self.lock, self._over = threading.RLock(), threading.Event()
         self._seconds, self.duration_s = 0.0, max(duration_s, 1e-3)
         server.scene.set_up_direction('+z')
-        server.scene.add_grid('/floor', width=30, height=30, cell_size=0.25, section_size=1.0, cell_color=_FLOOR,
-                              section_color=(140, 149, 159), shadow_opacity=0.25, plane_opacity=0.4)
+        self._world = server.scene.add_frame('/world', show_axes=False)
+        server.scene.add_grid('/world/floor', width=60, height=60, cell_size=0.25, section_size=1.0, cell_color=_FLOOR,
+                              section_color=(140, 149, 159), shadow_opacity=0.25, plane_opacity=0.4,
+                              fade_distance=14.0)
         self._controls(title)
 
     def _controls(self, title):
@@ -217,26 +214,21 @@ class Page:
             seconds = self._seconds
             with self.server.atomic():
                 for actor in self.actors:
-                    actor.show(seconds)
-            self._move_cameras()
+                    actor.show(seconds - actor.delay_s)
+                for call in self.on_tick:
+                    call(seconds)
+                self._centre()
         return seconds
 
-    def _move_cameras(self):
-        """Cameras keep their place beside the first body."""
-        if not self.actors:
+    def _centre(self):
+        """Keep the first body before the camera: the world moves, so that the camera stays the visitor's own."""
+        if not self.actors or not self._follow.value:
+            self._world.position = (0.0, 0.0, 0.0)
             return
         figure = self.actors[0].figure
-        here = figure.points[figure.frame_at(self._seconds), 0, :2]
-        before, self._centre = getattr(self, '_centre', None), here
-        if before is None or not self._follow.value or not np.isfinite([here, before]).all():
-            return
-        step = np.array([*(here - before), 0.0])
-        if not step.any():
-            return
-        for client in self.server.get_clients().values():
-            with client.atomic():
-                client.camera.position = client.camera.position + step
-                client.camera.look_at = client.camera.look_at + step
+        here = figure.points[figure.frame_at(self._seconds - self.actors[0].delay_s), 0]
+        if np.isfinite(here[:2]).all():
+            self._world.position = (-here[0], -here[1], 0.0)
 
     def run(self):
         """Serve until `close`."""
