@@ -9,13 +9,15 @@ motion-style view robot.csv --skeleton robot.urdf
 
 motion-style view walk.amc --predict MODEL.npz --ahead 0.2
     laid over the recording: what the model predicted 0.2 s before, its band, phase and behaviours
+motion-style view --explore MACHINE.npz --skeleton person.asf
+    the styles of a style machine: sliders over the style space, named styles to mix, restyled while it plays
 
 The page is served on this machine only, at http://127.0.0.1:8080, unless --host says otherwise: whoever can reach the
 address can look at the motion and move the controls.
 """
 from pathlib import Path
 
-from style_core.cli.number import Count, Number
+from style_core.cli.number import Count, Number, Positive
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import UsageError
 from style_core.formats import skeleton_of
@@ -37,6 +39,10 @@ def add_arguments(parser, argv):
     parser.add_argument('--hold', action='store_true', help='leave a body whose root is not recorded where it hangs, '
                                                             'instead of walking it over the floor')
     parser.add_argument('--predict', metavar='MODEL', help='lay over the recording what this model predicts')
+    parser.add_argument('--explore', metavar='MACHINE', help="try out this style machine's styles, on the content of "
+                                                             'FILE or on a random walk')
+    parser.add_argument('--seconds', action=Positive, default=8.0, most=120, metavar='S',
+                        help='with --explore: length of a random walk (default: 8)')
     parser.add_argument('--ahead', action=Number, least=0, most=1, default=0.2, metavar='S',
                         help='with --predict: how long before (default: 0.2)')
     add_recorded_rate(parser)
@@ -49,6 +55,10 @@ def run(args):
     """Serve the page until Ctrl-C."""
     from style_core.view.page import need_viser
     need_viser()
+    if args.explore and args.predict:
+        raise UsageError('--explore and --predict are two pages: give one of them')
+    if args.explore:
+        return _serve_explorer(args)
     if not args.files:
         raise UsageError('what should be shown? a motion file, or two')
     if len(args.files) > 2:
@@ -121,6 +131,33 @@ def _serve_prediction(args):
         page.add(Actor(server.scene, 'recorded', body, contacts_of(body), trail_bodies(body), meshes=meshes))
         look(page)
         PredictionPanel(page, found, motion, recording, skeleton, offset, args.ahead)
+        announce(args)
+        page.run()
+
+
+def _serve_explorer(args):
+    from style_core.style_machine import load
+    from style_core.view.explorer import of_recording, of_walk
+    from style_core.view.explorer_page import ExplorerPanel, first_body
+    from style_core.view.ground import contacts_of
+    from style_core.view.page import Actor, Page, opened
+    from style_core.view.recording import trail_bodies
+    if len(args.files) > 1:
+        raise UsageError('--explore goes with one recording, or none')
+    machine = load(args.explore)
+    skeleton = read_skeleton(args.skeleton) if args.skeleton else skeleton_of(args.files[0]) if args.files else None
+    if skeleton is None:
+        raise UsageError('--explore needs a body to draw: --skeleton FILE (.asf or .bvh)')
+    if args.files:
+        content = of_recording(machine, named_recording(args.files[0], args.recorded_rate, args.unit))
+    else:
+        content = of_walk(machine, args.seconds)
+    _, figure = first_body(machine, content, 'generic' if content.style is None else content.style, skeleton)
+    with opened(args.host, args.port, Path(args.explore).stem) as server:
+        page = Page(server, figure.duration_s, Path(args.explore).stem)
+        actor = page.add(Actor(server.scene, 'restyled', figure, contacts_of(figure), trail_bodies(figure)))
+        look(page)
+        ExplorerPanel(page, machine, skeleton, content, actor, args.seconds)
         announce(args)
         page.run()
 

@@ -192,6 +192,14 @@ class Page:
         """Time shown, s after the first frame."""
         return self._seconds
 
+    def go_to(self, seconds, duration_s=None):
+        """Show another time, of a motion of another length where one is given."""
+        with self.lock:
+            if duration_s is not None:
+                self.duration_s = max(duration_s, 1e-3)
+                self.slider.max = round(self.duration_s, 3)
+            self._seconds = float(np.clip(seconds, 0.0, self.duration_s))
+
     def add(self, actor):
         """Put an actor on the floor."""
         with self.lock:
