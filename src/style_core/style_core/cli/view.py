@@ -59,6 +59,8 @@ def run(args):
         raise UsageError('--explore and --predict are two pages: give one of them')
     if args.explore:
         return _serve_explorer(args)
+    if args.predict and len(args.files) != 1:
+        raise UsageError('--predict goes with one recording')
     if not args.files:
         raise UsageError('what should be shown? a motion file, or two')
     if len(args.files) > 2:
@@ -115,8 +117,6 @@ def _serve_prediction(args):
     from style_core.view.page import Actor, Page, opened
     from style_core.view.prediction_page import PredictionPanel
     from style_core.view.recording import body_of, placed, trail_bodies
-    if len(args.files) != 1:
-        raise UsageError('--predict goes with one recording')
     recording = named_recording(args.files[0], args.recorded_rate, args.unit)
     skeleton = read_skeleton(args.skeleton) if args.skeleton else skeleton_of(args.files[0])
     hanging, meshes, _ = body_of(recording, skeleton, args.skeleton, _RECORDED)

@@ -133,6 +133,8 @@ def file_of(motion, suffix, skeleton=None):
     """
     if suffix not in SAVED_AS:
         raise UsageError(f'the page saves {", ".join(SAVED_AS)}, not {suffix!r}')
+    if suffix == '.amc':    # other programs take every AMC file for 120 Hz
+        motion = motion.resample(120.0)
     if suffix in ('.bvh', '.amc') and skeleton is not None:
         motion = _whole(motion, skeleton)
     with tempfile.TemporaryDirectory() as folder:

@@ -28,8 +28,7 @@ def need_viser():
     try:
         import viser
     except ImportError:
-        raise UsageError('the view needs viser, which is not installed: pip install "style_core[view]", or '
-                         'pip install viser==1.1.1') from None
+        raise UsageError('the view needs viser, which is not installed: pip install viser==1.1.1') from None
     return viser
 
 
@@ -266,7 +265,7 @@ def opened(host, port, title):
         If viser is not installed or the address cannot be served.
     """
     viser = need_viser()
-    _need_free(host, port)
+    need_free(host, port)
     server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     try:
         yield server
@@ -274,7 +273,7 @@ def opened(host, port, title):
         server.stop()
 
 
-def _need_free(host, port):
+def need_free(host, port):
     """viser takes another port without a word where this one is in use."""
     import socket
     try:
