@@ -39,7 +39,7 @@ def test_a_bone_reaches_from_its_parent_to_its_body(person):
     motion = legs()
     figure = figure_of(motion, person)
     ends = person.forward(motion)[..., [2, 0, 1]]       # y up to z up
-    names, bones = person.body_names, np.flatnonzero(np.array(figure.shapes) == 'cylinder')
+    names, bones = person.body_names, np.arange(len(figure.shapes))
     spans = {tuple(np.round(np.sort(span.ravel()), 4)) for span in
              ends[37][[[body.parent, number] for number, body in enumerate(person.bodies) if body.parent >= 0]]}
     for bone in bones:
@@ -47,7 +47,7 @@ def test_a_bone_reaches_from_its_parent_to_its_body(person):
         drawn = np.array([figure.positions[37, bone] - half, figure.positions[37, bone] + half])
         assert tuple(np.round(np.sort(drawn.ravel()), 4)) in spans or min(
             np.abs(np.sort(drawn.ravel()) - np.array(span)).max() for span in spans) < 2e-4
-    assert len(bones) >= 25 and len(names) == figure.points.shape[1]
+    assert len(bones) >= 25 and figure.shapes.count('head') == 1 and len(names) == figure.points.shape[1]
 
 
 def test_a_missing_angle_leaves_only_what_hangs_on_it_open(person):
@@ -140,3 +140,13 @@ def test_robots_of_this_suite_agree_with_yourdfpy():
         expected = [(robot.get_transform(link) @ (np.eye(4) if visual.origin is None else visual.origin))[:3, 3]
                     for link, item in robot.link_map.items() for visual in item.visuals]
         np.testing.assert_allclose(figure.positions[0], expected, atol=1e-5)
+
+
+def test_the_lowest_level_is_that_of_the_corners(tmp_path):
+    from style_core.view.recording import lowest_level
+    (tmp_path / 'r.urdf').write_text(URDF)
+    figure, _, _ = robot_figure(Motion(('j',), [[0.0], [1.0]], [0.0, 1.0]), tmp_path / 'r.urdf')
+    corners = UNIT['box']()[0]
+    expected = [min((figure.positions[frame, part] + turned(figure.wxyzs[frame, part], corner * scale))[2]
+                    for part, scale in enumerate(figure.scales[frame]) for corner in corners) for frame in (0, 1)]
+    np.testing.assert_allclose(lowest_level(figure), expected, atol=1e-5)

@@ -12,8 +12,6 @@ __all__ = ['Figure', 'bone_parts', 'figure_of', 'quaternions', 'sides', 'turned_
 
 #: width of a bone as a share of the body's height; least and most share of the bone's length
 _BONE, _SLIMMEST, _STOUTEST = 0.022, 0.05, 0.6
-#: diameter of a head as a share of the body's height
-_HEAD = 0.09
 #: how far the left side goes towards white, so that near and far stay apart
 _LEFT_TINT, _MIDDLE_TINT = 0.45, 0.2
 
@@ -28,7 +26,8 @@ class Figure:
     times : ndarray, shape (T,)
         s.
     shapes : tuple of str, length P
-        ``'box'``, ``'cylinder'`` (along its z axis) or ``'sphere'``, each of extent 1 before ``scales``.
+        ``'box'``, ``'cylinder'`` (along its z axis), ``'sphere'``, or a cylinder with a ball at its far end, ``'bone'``,
+        and ``'head'``, with a larger one.
     positions : ndarray of float32, shape (T, P, 3)
         Centres, m; NaN where a missing angle leaves the place open.
     wxyzs : ndarray of float32, shape (T, P, 4)
@@ -119,14 +118,10 @@ def bone_parts(skeleton, points, colour):
     middle = (points[:, children] + points[:, parents[children]]) / 2
     bones = np.stack([np.broadcast_to(width, lengths.shape)] * 2 + [lengths], axis=-1)
     paint = tinted(colour, sides([names[child] for child in children], names))
-    heads = np.array([names[child].lower() == 'head' for child in children], dtype=bool)
-    thick = np.where(heads, _HEAD * _height(skeleton), 1.15 * width)
-    balls = np.broadcast_to(thick[:, None], (len(points), len(thick), 3))
-    upright = np.broadcast_to(np.array([1.0, 0, 0, 0]), (len(points), len(thick), 4))
-    shapes = ('cylinder',) * len(children) + ('sphere',) * len(children)
-    both = [np.concatenate(pair, axis=1).astype(np.float32) for pair in
-            ((middle, points[:, children]), (_towards(along), upright), (bones, balls))]
-    return (shapes, *both, np.concatenate([paint, paint]))
+    scales = np.stack([np.broadcast_to(width, lengths.shape)] * 2 + [lengths], axis=-1).astype(np.float32)
+    shapes = tuple('head' if names[child].lower() == 'head' else 'bone' for child in children)
+    paint = tinted(colour, sides([names[child] for child in children], names))
+    return shapes, middle.astype(np.float32), _towards(along).astype(np.float32), scales, paint
 
 
 def sides(names, among):

@@ -1,12 +1,14 @@
 """The page in the browser: bodies on a floor, a clock that plays them, the server behind; the only user of viser."""
+import io
 import threading
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 
 import numpy as np
 
 from style_core.errors import UsageError
 from style_core.view.figure import quaternions
+from style_core.view.shapes import solid
 
 __all__ = ['Actor', 'Page', 'opened']
 
@@ -57,19 +59,18 @@ class Actor:
         # a node a part: what viser draws in batches arrives in the browser later than what is moved
         self._parts = [self._solid(part, shape) for part, shape in enumerate(figure.shapes)]
         self._meshes = [(mesh, self._wear(number, mesh)) for number, mesh in enumerate(meshes)]
-        self._soles = [(contact, scene.add_icosphere(f'/world/{name}/contact_{contact.foot}', 0.05, _CONTACT,
+        radius = 0.03 * max(float(np.nanmax(np.ptp(figure.points[0], axis=0), initial=0.0)), 1e-3)
+        self._soles = [(contact, scene.add_icosphere(f'/world/{name}/contact_{contact.foot}', radius, _CONTACT,
                                                      opacity=0.5, scale=(1.6, 1.6, 0.15), visible=False))
                        for contact in contacts]
         self._path = None
         self.show(0.0)
 
     def _solid(self, part, shape):
-        from style_core.view.shapes import UNIT
-        vertices, faces = UNIT[shape]()
-        extent = np.median(self.figure.scales[:, part], axis=0)
-        size = tuple(np.where(np.isfinite(extent), extent, 0.0).tolist())
+        extent = np.nanmedian(self.figure.scales[:, part], axis=0)
+        vertices, faces = solid(shape, np.where(np.isfinite(extent), extent, 0.0))
         return self._scene.add_mesh_simple(
-            f'/world/{self._name}/{shape}_{part}', vertices * np.float32(size), faces, opacity=self._opacity,
+            f'/world/{self._name}/{shape}_{part}', vertices, faces, opacity=self._opacity,
             color=tuple(self.figure.colours[part].tolist()), flat_shading=shape == 'box', visible=False)
 
     def _wear(self, number, mesh):
@@ -95,10 +96,14 @@ class Actor:
         self._frame = asked
         places, turns = figure.positions[frame].astype(float), figure.wxyzs[frame].astype(float)
         known = np.isfinite(places).all(axis=1) & np.isfinite(turns).all(axis=1)
-        for place, turn, seen, node in zip(places, turns, known, self._parts):
-            node.visible = bool(seen and self.visible)
-            if node.visible:
-                node.position, node.wxyz = place, turn
+        for place, turn, seen, node, shape in zip(places, turns, known, self._parts, figure.shapes):
+            seen = bool(seen and self.visible)
+            if node.visible != seen:
+                node.visible = seen
+            if seen:
+                node.position = place
+                if shape != 'sphere':
+                    node.wxyz = turn
         for mesh, node in self._meshes:
             turn = figure.rotations[frame, mesh.body]
             node.position = figure.points[frame, mesh.body] + turn @ mesh.position
@@ -266,11 +271,16 @@ def opened(host, port, title):
     """
     viser = need_viser()
     need_free(host, port)
-    server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
+    with redirect_stdout(io.StringIO()):    # its banner
+        server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
+    # a page must not hand the motion to a public server: viser asks its own for a tunnel whenever a client wants one
+    server.request_share_url = lambda verbose=True: None
+    server.gui.configure_theme(show_share_button=False, show_logo=False)
     try:
         yield server
     finally:
-        server.stop()
+        with redirect_stdout(io.StringIO()):
+            server.stop()
 
 
 def need_free(host, port):

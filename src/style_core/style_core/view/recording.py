@@ -8,7 +8,7 @@ from style_core.view.figure import figure_of
 from style_core.view.ground import feet_of, walked
 from style_core.view.robot import robot_figure
 
-__all__ = ['COLOURS', 'body_of', 'placed', 'trail_bodies']
+__all__ = ['COLOURS', 'body_of', 'lowest_level', 'placed', 'trail_bodies']
 
 #: colours of the motions laid side by side, right side of each body
 COLOURS = ((213, 94, 0), (0, 114, 178))
@@ -43,12 +43,26 @@ def body_of(motion, skeleton, skeleton_path=None, colour=COLOURS[0]):
 
 
 def placed(figure, has_root):
-    """On the floor: a body without a root walks over it; one with a root keeps its path, its lowest level at 0."""
-    if not has_root:
+    """On the floor: a person without a root walks over it; what has a root, or is a robot, keeps its path.
+
+    The lowest level that it comes to, but for 5 % of the frames, is then the floor. A robot without a root hangs by its
+    trunk: how it would stand its joints alone do not say.
+    """
+    if not has_root and set(figure.shapes) <= {'bone', 'head'}:
         return walked(figure)
-    lowest = np.min(np.where(np.isfinite(figure.points[..., 2]), figure.points[..., 2], np.inf), axis=1)
+    lowest = lowest_level(figure)
     lowest = lowest[np.isfinite(lowest)]
     return figure.moved((0, 0, -np.percentile(lowest, 5) if len(lowest) else 0.0))
+
+
+def lowest_level(figure):
+    """Height of the lowest corner of the boxes around its parts at every frame, shape (T,), m; inf where unknown."""
+    if not figure.shapes:
+        return np.nanmin(figure.points[..., 2], axis=1)
+    w, x, y, z = np.moveaxis(figure.wxyzs, -1, 0)
+    upwards = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+    bottom = figure.positions[..., 2] - 0.5 * (np.abs(upwards) * figure.scales).sum(axis=-1)
+    return np.where(np.isfinite(bottom), bottom, np.inf).min(axis=1)
 
 
 def trail_bodies(figure):

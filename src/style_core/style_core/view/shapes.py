@@ -1,7 +1,10 @@
 """Meshes of extent 1 that parts are scaled from."""
 import numpy as np
 
-__all__ = ['UNIT', 'box', 'cylinder', 'sphere']
+__all__ = ['UNIT', 'box', 'cylinder', 'solid', 'sphere']
+
+#: diameter of the ball at the end of a bone, in widths of the bone
+_BALL = {'bone': 1.15, 'head': 4.1}
 
 
 def box():
@@ -44,3 +47,14 @@ def _triangles(quads):
 
 #: shape -> function that makes its mesh
 UNIT = {'box': box, 'cylinder': cylinder, 'sphere': sphere}
+
+
+def solid(shape, size):
+    """Vertices, shape (V, 3), and faces, shape (F, 3), of a part of a `Figure` with extents ``size``, shape (3,), m."""
+    size = np.asarray(size, dtype=np.float32)
+    if shape not in _BALL:
+        vertices, faces = UNIT[shape]()
+        return vertices * size, faces
+    (rod, rod_faces), (ball, ball_faces) = cylinder(), sphere()
+    ball = ball * np.float32(_BALL[shape]) * size[0] + np.array([0, 0, size[2] / 2], np.float32)
+    return np.concatenate([rod * size, ball]), np.concatenate([rod_faces, ball_faces + np.uint32(len(rod))])
