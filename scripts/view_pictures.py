@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Make the pictures of docs/view.md: pages of ``motion-style view`` in headless Chromium, with motion of shipped models.
+"""Make the pictures of docs/view.md: pages of ``motion-style view`` in headless Chromium, motion by shipped models.
 
 Needs viser, playwright (pip) and Chromium (apt); no recordings.
 """

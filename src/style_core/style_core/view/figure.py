@@ -26,7 +26,7 @@ class Figure:
     times : ndarray, shape (T,)
         s.
     shapes : tuple of str, length P
-        ``'box'``, ``'cylinder'`` (along its z axis), ``'sphere'``, or a cylinder with a ball at its far end, ``'bone'``,
+        ``'box'``, ``'cylinder'`` (along its z axis), ``'sphere'``, or a cylinder with a ball at the end, ``'bone'``,
         and ``'head'``, with a larger one.
     positions : ndarray of float32, shape (T, P, 3)
         Centres, m; NaN where a missing angle leaves the place open.
@@ -116,7 +116,6 @@ def bone_parts(skeleton, points, colour):
                                          for array in (children, along, lengths, typical))
     width = np.clip(_BONE * _height(skeleton), _SLIMMEST * typical, _STOUTEST * typical)
     middle = (points[:, children] + points[:, parents[children]]) / 2
-    bones = np.stack([np.broadcast_to(width, lengths.shape)] * 2 + [lengths], axis=-1)
     paint = tinted(colour, sides([names[child] for child in children], names))
     scales = np.stack([np.broadcast_to(width, lengths.shape)] * 2 + [lengths], axis=-1).astype(np.float32)
     shapes = tuple('head' if names[child].lower() == 'head' else 'bone' for child in children)
