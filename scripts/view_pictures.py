@@ -83,13 +83,26 @@ def take(browser, arguments, words, port, path):
         page.wait_for_timeout(6_000)
         for button in close.all():      # of software rendering
             button.click()
-        page.wait_for_timeout(2_000)
+        stand_still(page, '1.1')
+        page.wait_for_timeout(5_000)
         page.screenshot(path=path)
         print(f'wrote {path}' + ''.join(f'; console: {error}' for error in errors))
     finally:
         page.close()
         server.terminate()
         server.wait(20)
+
+
+def stand_still(page, seconds):
+    """Stop playing, at a time of the motion."""
+    for label, kind in (('play', 'checkbox'), ('time (s)', 'text')):
+        control = page.get_by_text(label, exact=True).locator(
+            f'xpath=ancestor::*[.//input[@type="{kind}"]][1]').locator(f'input[type={kind}]')
+        if kind == 'checkbox':
+            control.uncheck()
+        else:
+            control.fill(seconds)
+            page.keyboard.press('Enter')
 
 
 if __name__ == '__main__':
