@@ -18,6 +18,7 @@ COMMANDS = {
     'effort': ('restyle a recording: freer, stronger, more sudden', 'style_core.cli.effort'),
     'blend': ('blend two motions in space and time', 'style_core.cli.blend'),
     'label': ("collect a person's effort labels", 'style_core.cli.label'),
+    'view': ('look at motion as a body in 3D in the browser', 'style_core.cli.view'),
     'bench': ('run the benches on real recordings', 'style_core.cli.bench'),
 }
 
