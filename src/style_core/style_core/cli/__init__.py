@@ -8,7 +8,8 @@ import sys
 import warnings
 
 from style_core import __version__
-from style_core.cli.files import check_outputs
+from style_core.cli.files import check_outputs, find_inputs
+from style_core.cli.parser import Parser
 from style_core.cli.registry import COMMANDS, KIND_COMMANDS
 from style_core.errors import ModelError, MotionError, UsageError
 
@@ -51,7 +52,7 @@ def main(argv=None):
 
 
 def _run(argv, called):
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog='motion-style', description='Learn, predict, synthesise and evaluate stylistic motion.',
         epilog='motion-style COMMAND --help explains a command.')
     parser.add_argument('--version', action='version', version=f'motion-style {__version__}')
@@ -65,6 +66,7 @@ def _run(argv, called):
             sub.description = module.__doc__
             module.add_arguments(sub, argv[argv.index(called) + 1:])
     args = parser.parse_args(argv)
+    find_inputs(args)
     check_outputs(args)
     with warnings.catch_warnings():
         warnings.showwarning = lambda message, *_: _complain(called, message, 0)

@@ -14,6 +14,7 @@ import numpy as np
 from tqdm import tqdm
 
 from style_core.cli.files import add_output
+from style_core.cli.parser import Several
 from style_core.cli.recordings import add_recorded_rate
 from style_core.cli.train_locomotion import read_recordings
 from style_core.errors import UsageError
@@ -35,10 +36,11 @@ def add_arguments(parser, argv):
     add_output(parser, '-o', '--output', what='table', metavar='CSV', help='write phase and position of every frame')
     add_output(parser, '--picture', what='picture', metavar='PNG', help='draw the recordings over common phases')
     parser.add_argument(
-        '--joints', nargs='+', metavar='JOINT', help='joints in the picture (default: the most moving four)'
+        '--joints', action=Several, metavar='JOINT', help='joints in the picture (default: the most moving four)'
     )
     add_recorded_rate(parser)
-    parser.add_argument('--rename', nargs='+', default=[], metavar='OLD=NEW', help='rename styles in the model file')
+    parser.add_argument('--rename', action=Several, default=[], metavar='OLD=NEW',
+                        help='rename styles in the model file')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
@@ -93,6 +95,8 @@ def _style(row):
 
 
 def _rename(model, args):
+    if args.model != args.model_given:
+        raise UsageError(f'{args.model} comes with the suite: copy it and rename the styles of the copy')
     names = list(model.style_names)
     for pair in args.rename:
         old, found, new = pair.partition('=')

@@ -1,12 +1,13 @@
-"""Files that commands write: declared with `add_output`, checked by `check_outputs` before any work is done."""
+"""Files that commands read by name (`add_input`) or write (`add_output`): found and checked before any work."""
 import argparse
 import os
 from pathlib import Path
 
 from style_core.errors import UsageError
 from style_core.formats import written_suffixes
+from style_core.places import find_file
 
-__all__ = ['add_output', 'check_outputs']
+__all__ = ['add_input', 'add_output', 'check_outputs', 'find_inputs']
 
 #: what is written -> suffixes that say so
 _SUFFIXES = {
@@ -35,6 +36,41 @@ class _Store(argparse.Action):
         setattr(namespace, self.dest, value)
 
 
+class _Named(str):
+    """Name of a file that may come with the suite; ``what`` is that of `find_file`."""
+
+    what = 'model'
+
+
+class _Name(argparse.Action):
+    """Stores the name of a file that may come with the suite."""
+
+    def __init__(self, option_strings, dest, what='model', **options):
+        super().__init__(option_strings, dest, **options)
+        self._what = what
+
+    def __call__(self, parser, namespace, value, option_string=None):
+        """Store it."""
+        value = _Named(value)
+        value.what = self._what
+        setattr(namespace, self.dest, value)
+
+
+def add_input(parser, *flags, what='model', **options):
+    """Add the argument for a file that may be one of those that come with the suite (`style_core.places`).
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    *flags : str
+        As of ``add_argument``.
+    what : {'model', 'robot'}
+    **options
+        As of ``add_argument``.
+    """
+    parser.add_argument(*flags, action=_Name, what=what, **options)
+
+
 def add_output(parser, *flags, what='motion', **options):
     """Add the argument for a file to write, and ``--force`` with the first of them.
 
@@ -51,6 +87,19 @@ def add_output(parser, *flags, what='motion', **options):
     if '--force' not in parser._option_string_actions:
         parser.add_argument('--force', action='store_true',
                             help='write even where that replaces a file which this command reads, or writes itself')
+
+
+def find_inputs(args):
+    """Put where they are in the place of the files named by `add_input`; DEST_given keeps the name.
+
+    Raises
+    ------
+    ModelError
+        Where there is none.
+    """
+    for key, name in [pair for pair in vars(args).items() if isinstance(pair[1], _Named)]:
+        setattr(args, f'{key}_given', str(name))
+        setattr(args, key, find_file(name, name.what))
 
 
 def check_outputs(args):

@@ -11,6 +11,7 @@ import numpy as np
 
 from style_core.cli.files import add_output
 from style_core.cli.number import Number
+from style_core.cli.parser import Several
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import MotionError, UsageError
 from style_core.formats import write_motion
@@ -28,7 +29,7 @@ def add_arguments(parser, argv):
         'file', metavar='FILE', help='recording; joints of the model that it lacks altogether are added'
     )
     add_output(parser, '-o', '--output', metavar='FILE', help='filled recording; the suffix says which format')
-    parser.add_argument('--hide', nargs='+', default=[], metavar='PATTERN', help='joints to hide first')
+    parser.add_argument('--hide', action=Several, default=[], metavar='PATTERN', help='joints to hide first')
     parser.add_argument('--from', action=Number, dest='start', metavar='S', help='hide from this time on')
     parser.add_argument('--to', action=Number, dest='stop', metavar='S', help='hide up to this time')
     parser.add_argument('--score', action='store_true', help='compare what was hidden with what was filled in')

@@ -20,6 +20,7 @@ from style_core.cli.registry import KIND_COMMANDS
 from style_core.errors import ModelError, UsageError
 from style_core.formats import read_motion, skeleton_of
 from style_core.model_file import load_model
+from style_core.places import find_file
 
 __all__ = ['add_arguments', 'run', 'describe_motion']
 
@@ -45,6 +46,8 @@ def add_arguments(parser, argv):
 
 def run(args):
     """Print the description and draw the picture."""
+    if args.file.endswith('.npz'):
+        args.file = find_file(args.file, 'model')
     description = _describe_model(args.file) if args.file.endswith('.npz') else None
     if description is not None:
         if args.picture or args.select:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from style_core.cli.files import add_output
+from style_core.cli.files import add_input, add_output
 from style_core.effort import load
 from style_core.effort.labels import append_label, labelled
 from style_core.pictures import Line, joint_curves, save, stick_strip
@@ -22,7 +22,7 @@ __all__ = ['add_arguments', 'run']
 
 def add_arguments(parser, argv):
     """The library, the label file, who labels."""
-    parser.add_argument('library', metavar='LIBRARY.npz', help='from motion-style train effort')
+    add_input(parser, 'library', metavar='LIBRARY.npz', help='from motion-style train effort')
     add_output(parser, '-o', '--output', what='table', required=True, metavar='CSV',
                help='label file; rows are added to it')
     parser.add_argument('--labeller', required=True, metavar='NAME', help='who gives the labels')

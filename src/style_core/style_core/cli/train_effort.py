@@ -17,6 +17,7 @@ from tqdm import tqdm
 from style_core.cli.files import add_output
 from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Positive, Seed
+from style_core.cli.parser import Several
 from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.cli.soundness import doubt_recordings
 from style_core.effort import joint_scale, save, train_library
@@ -38,7 +39,7 @@ def add_arguments(parser, argv):
     add_output(parser, '-o', '--output', what='model', required=True, metavar='LIBRARY.npz', help='library to write')
     parser.add_argument('--labels', metavar='CSV', help="a person's labels (motion-style label); computed where absent")
     parser.add_argument('--labeller', metavar='NAME', help="use this person's labels only (default: the mean of all)")
-    parser.add_argument('--joints', nargs='+', metavar='PATTERN',
+    parser.add_argument('--joints', action=Several, metavar='PATTERN',
                         help=JOINTS_HELP.replace('no root', 'a root only if it is complete'))
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf; weighs joints by how far they move '
                                                            'the body (default: all joints weigh the same)')

@@ -17,6 +17,7 @@ from tqdm import tqdm
 from style_core.cli.files import add_output
 from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Positive, Seed
+from style_core.cli.parser import Several
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.cli.soundness import doubt_fit, doubt_recordings, doubt_repetition
 from style_core.errors import UsageError
@@ -37,7 +38,7 @@ def add_arguments(parser, argv):
                         help='number of styles, or a range (2-8) to choose from by held-out likelihood (default: 2-8)')
     parser.add_argument(
         '--joints',
-        nargs='+',
+        action=Several,
         metavar='PATTERN',
         help=JOINTS_HELP.replace('no root', 'a root only if it is complete'),
     )

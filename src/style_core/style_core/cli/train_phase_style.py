@@ -19,9 +19,10 @@ before the first "_" or "-" (35_01, 35_02), unless --person says otherwise.
 import numpy as np
 from tqdm import tqdm
 
-from style_core.cli.files import add_output
+from style_core.cli.files import add_input, add_output
 from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Positive
+from style_core.cli.parser import Several
 from style_core.cli.people import add_person, people_of
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.cli.soundness import doubt_fit, doubt_recordings, doubt_repetition
@@ -44,7 +45,7 @@ def add_arguments(parser, argv):
                         help='a rhythmic behaviour and its recordings; may be given several times')
     parser.add_argument('--discrete-behaviour', nargs='+', action='append', default=[], metavar=('NAME', 'FILE'),
                         help='a discrete behaviour and its recordings; may be given several times')
-    parser.add_argument('--joints', nargs='+', metavar='PATTERN',
+    parser.add_argument('--joints', action=Several, metavar='PATTERN',
                         help=JOINTS_HELP)
     parser.add_argument('--styles', action=Count, metavar='J',
                         help='dimension of the style (default: chosen from the singular values)')
@@ -55,9 +56,9 @@ def add_arguments(parser, argv):
     parser.add_argument('--published', action='store_true',
                         help='learn as published: one cycle a recording, aligned by whole frames. Such a model is for '
                              '--method paper only')
-    parser.add_argument('--aligned-by', metavar='LOCOMOTION.npz',
-                        help='take the phases of rhythmic recordings from this locomotion model (which must know '
-                             'joints of theirs) instead of their auto-correlation')
+    add_input(parser, '--aligned-by', metavar='LOCOMOTION.npz',
+              help='take the phases of rhythmic recordings from this locomotion model (which must know joints of '
+                   'theirs) instead of their auto-correlation')
     add_person(parser)
     add_recorded_rate(parser)
 

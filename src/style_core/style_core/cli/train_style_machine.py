@@ -18,6 +18,7 @@ from tqdm import tqdm
 from style_core.cli.files import add_output
 from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Number, Positive, Seed
+from style_core.cli.parser import Several
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.cli.soundness import doubt_recordings
 from style_core.errors import UsageError
@@ -34,7 +35,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--style', nargs='+', action='append', default=[], metavar=('NAME', 'FILE'),
                         help='a style and its recordings; may be given several times')
     add_output(parser, '-o', '--output', what='model', required=True, metavar='MODEL.npz', help='model file to write')
-    parser.add_argument('--joints', nargs='+', metavar='PATTERN',
+    parser.add_argument('--joints', action=Several, metavar='PATTERN',
                         help=JOINTS_HELP)
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf (default: beside the first file)')
     parser.add_argument('--states', action=Count, default=75, metavar='N', help='states at the start (default: 75)')
