@@ -7,6 +7,7 @@ import pytest
 
 from style_core.errors import MotionError, UsageError
 from style_core.motion import matching_names
+from style_core.progress import progress
 from style_core.style_expression import evaluate_style
 from style_core.text import did_you_mean
 
@@ -51,3 +52,30 @@ def test_joints_and_styles_are_hinted_at():
         matching_names(['left_knee', 'right_hip'], ['left_kneee*'])
     with pytest.raises(UsageError, match=r'did you mean strut\?'):
         evaluate_style('0.5*strutt', {'strut': [1.0], 'walk': [0.0]}, 1)
+
+
+def test_without_a_terminal_progress_is_a_line_every_ten_seconds(monkeypatch, capsys):
+    """Four seconds pass with every item; the lines come at 12, 24 and 36 s."""
+    now = iter(range(0, 1000, 4))
+    monkeypatch.setattr('style_core.progress.monotonic', lambda: next(now))
+    assert list(progress(range(10), 'reading', 'file')) == list(range(10))
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split('[')[0].split()[-1] for line in lines] == ['3/10', '6/10', '9/10']
+    assert all(line.startswith('reading: ') and '\r' not in line for line in lines) and 'file' in lines[0]
+
+
+def test_progress_without_items_counts_updates(monkeypatch, capsys):
+    now = iter(range(0, 1000, 11))
+    monkeypatch.setattr('style_core.progress.monotonic', lambda: next(now))
+    with progress(desc='training', total=3) as bar:
+        bar.set_postfix_str('temperature 2')
+        bar.update()
+    assert '1/3' in (said := capsys.readouterr().err) and 'temperature 2' in said
+
+
+def test_what_is_done_soon_or_not_to_be_shown_says_nothing(monkeypatch, capsys):
+    assert list(progress([1, 2], 'reading')) == [1, 2]
+    now = iter(range(0, 1000, 11))
+    monkeypatch.setattr('style_core.progress.monotonic', lambda: next(now))
+    assert list(progress([1, 2], 'reading', shown=False)) == [1, 2]
+    assert capsys.readouterr().err == ''

@@ -11,7 +11,6 @@ import json
 from dataclasses import replace
 
 import numpy as np
-from tqdm import tqdm
 
 from style_core.cli.files import add_output
 from style_core.cli.parser import Several
@@ -23,6 +22,7 @@ from style_core.locomotion.infer import analyze
 from style_core.locomotion.model import load, save
 from style_core.locomotion.pictures import alignment_picture
 from style_core.model_file import read_header
+from style_core.progress import progress
 
 __all__ = ['add_arguments', 'run']
 
@@ -55,7 +55,7 @@ def run(args):
             return
         raise UsageError('give recordings to analyze')
     motions = read_recordings(args.files, args.recorded_rate, model.joint_names, args.unit)
-    results = [analyze(model, motion) for motion in tqdm(motions, desc='analyzing', disable=None, leave=False)]
+    results = [analyze(model, motion) for motion in progress(motions, 'analyzing', 'file')]
     rows = [{'recording': r.name, 'style': model.style_names[r.style],
              'probability': float(r.style_probabilities[r.style]),
              'probabilities': dict(zip(model.style_names, map(float, r.style_probabilities))),

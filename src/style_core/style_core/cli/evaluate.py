@@ -15,7 +15,6 @@ import json
 import sys
 
 import numpy as np
-from tqdm import tqdm
 
 from style_core.cli.number import Count
 from style_core.cli.predictor_arguments import add_method, add_reading, fitted, hide, predictor_of
@@ -23,6 +22,7 @@ from style_core.cli.recordings import read_recording
 from style_core.errors import MotionError
 from style_core.evaluation import FRAMES_AHEAD, RATE_HZ, bands_verdict, paper_horizons, roll_out, summary, verdict
 from style_core.model_file import read_header, was_trained_on
+from style_core.progress import progress
 from style_core.sizes import demand
 
 __all__ = ['add_arguments', 'run']
@@ -43,7 +43,7 @@ def run(args):
     predictor, method = predictor_of(args)
     header = read_header(args.model)
     results, failures = {}, {}
-    for path in tqdm(args.files, desc='evaluating', unit='file', disable=None, leave=False):
+    for path in progress(args.files, 'evaluating', 'file'):
         try:
             key, one = _scored(path, predictor, args)
         except MotionError as error:

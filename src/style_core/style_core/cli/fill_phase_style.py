@@ -6,7 +6,6 @@ motion-style fill MODEL.npz walk.amc -o whole.csv --mask 'rfemur.*' 'rtibia.*' '
     hide a leg and see how well it comes back (prints the error)
 """
 import numpy as np
-from tqdm import tqdm
 
 from style_core.angles import reordered
 from style_core.cli.files import add_output
@@ -20,6 +19,7 @@ from style_core.phase_style import METHODS, load_behaviours
 from style_core.phase_style.analysis import follow
 from style_core.phase_style.smoother import fill
 from style_core.predictor_file import read_predictor
+from style_core.progress import progress
 
 __all__ = ['add_arguments', 'run']
 
@@ -63,8 +63,7 @@ def _smoothed(args, behaviours, masked):
     names = behaviours[0].joint_names
     space = space_of(args.model)
     shown = masked if space is None else space.encode_motion(masked)
-    filled, std, report = fill(behaviours, shown, lambda pieces: tqdm(pieces, desc='smoothing', unit='piece',
-                                                                      disable=None, leave=False))
+    filled, std, report = fill(behaviours, shown, lambda pieces: progress(pieces, 'smoothing', 'piece'))
     if space is not None:
         place = [masked.joint_names.index(name) for name in names]
         positions = masked.positions.copy()
@@ -81,8 +80,7 @@ def _on_line(args, behaviours, masked):
     found = read_predictor(args.model, args.method, forgetting=args.forgetting, behaviour=args.behaviour)
     names = list(found.predictor.joint_names)
     shown = fitted(masked, found.predictor)
-    course = follow(found.predictor, shown, lambda frames: tqdm(frames, desc='following', unit='frame', disable=None,
-                                                                leave=False))
+    course = follow(found.predictor, shown, lambda frames: progress(frames, 'following', 'frame'))
     missing = np.isnan(shown.positions)
     # the order in which the file's joints turn; what was measured stays as it was
     whole = reordered(shown.replace(positions=np.where(missing, course.mean, shown.positions)), masked.orders)

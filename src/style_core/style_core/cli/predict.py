@@ -11,7 +11,6 @@ The output is a motion file of any format that can hold the model's joints; a ta
 of every value is written beside it with --std FILE.csv.
 """
 import numpy as np
-from tqdm import tqdm
 
 from style_core.cli.files import add_output
 from style_core.cli.number import Number, Positive
@@ -20,6 +19,7 @@ from style_core.cli.recordings import read_recording
 from style_core.errors import UsageError
 from style_core.formats import write_motion
 from style_core.motion import Motion
+from style_core.progress import progress
 from style_core.sizes import demand
 
 __all__ = ['add_arguments', 'run']
@@ -54,8 +54,7 @@ def run(args):
                              f'{motion.times[0]:g} to {motion.times[-1]:g} s')
         motion = motion.slice(None, args.at + 1e-6)
     every = []
-    for time, y in tqdm(list(zip(motion.times, motion.positions)), desc='following', unit='frame', disable=None,
-                        leave=False):
+    for time, y in progress(list(zip(motion.times, motion.positions)), 'following', 'frame'):
         estimate = predictor.update(time, y)
         if args.ahead is not None:
             every.append(predictor.predict(np.array([args.ahead])))

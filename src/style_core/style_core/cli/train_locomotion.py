@@ -12,7 +12,6 @@ from collections import Counter
 from dataclasses import replace
 
 import numpy as np
-from tqdm import tqdm
 
 from style_core.cli.files import add_output
 from style_core.cli.joints import JOINTS_HELP, chosen_joints
@@ -26,6 +25,7 @@ from style_core.locomotion.choose import choose_styles
 from style_core.locomotion.learn import learn
 from style_core.locomotion.model import save
 from style_core.model_file import training_files
+from style_core.progress import progress
 
 __all__ = ['add_arguments', 'run', 'read_recordings']
 
@@ -58,7 +58,7 @@ def read_recordings(files, recorded_rate=None, joints=None, unit=None):
     """Motions of files, continuous and named by their stem; the body's joints and a root that travels unless ``joints``
     says."""
     motions = []
-    for path in tqdm(files, desc='reading', unit='file', disable=None, leave=False):
+    for path in progress(files, 'reading', 'file'):
         motion = named_recording(path, recorded_rate, unit)
         motions.append(motion)
     names = chosen_joints(motions, files, joints, root=True)

@@ -17,7 +17,6 @@ before the first "_" or "-" (35_01, 35_02), unless --person says otherwise.
 """
 
 import numpy as np
-from tqdm import tqdm
 
 from style_core.cli.files import add_input, add_output
 from style_core.cli.joints import JOINTS_HELP, chosen_joints
@@ -31,6 +30,7 @@ from style_core.joint_space import fit_space
 from style_core.phase_style import learn_correction, save_behaviours
 from style_core.phase_style.published_learning import train_published
 from style_core.phase_style.training import RATE_HZ, to_sequence, train
+from style_core.progress import progress
 
 __all__ = ['add_arguments', 'run']
 
@@ -78,7 +78,7 @@ def run(args):
         raise UsageError('--published learns for the published method, which has no --histories and no --aligned-by')
     paths = sorted({file for (_, *files), _ in groups for file in files})
     motions = {}
-    for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
+    for path in progress(paths, 'reading', 'file'):
         motions[path] = named_recording(path, args.recorded_rate, args.unit)
     people = people_of(paths, args.person)
     joints = chosen_joints(list(motions.values()), list(motions), args.joints)
@@ -102,7 +102,7 @@ def run(args):
 
     behaviours = [
         learned(name, files, rhythmic)
-        for (name, *files), rhythmic in tqdm(groups, desc='learning', unit='behaviour', disable=None, leave=False)]
+        for (name, *files), rhythmic in progress(groups, 'learning', 'behaviour')]
     correction = None
     if args.histories:
         correction = learn_correction(behaviours, [[to_sequence(motions[file], joints, args.rate, people[file])
