@@ -1,11 +1,14 @@
 """What a newcomer needs of the command line: other ways to start it, completion, hints, progress, what was written."""
+import json
 import os
 import subprocess
 import sys
 
 import pytest
 
+from style_core.cli import main
 from style_core.errors import MotionError, UsageError
+from style_core.formats import write_motion
 from style_core.motion import matching_names
 from style_core.progress import progress
 from style_core.style_expression import evaluate_style
@@ -79,3 +82,36 @@ def test_what_is_done_soon_or_not_to_be_shown_says_nothing(monkeypatch, capsys):
     monkeypatch.setattr('style_core.progress.monotonic', lambda: next(now))
     assert list(progress([1, 2], 'reading', shown=False)) == [1, 2]
     assert capsys.readouterr().err == ''
+
+
+def test_every_file_that_is_written_is_named_once(models, gait, tmp_path, monkeypatch, capsys):
+    """Tables, motions, pictures and models, by what lies in the folder afterwards."""
+    folder = models['phase-style'].parent
+    monkeypatch.chdir(tmp_path)
+    write_motion(gait, folder / 'gait.csv')
+    for words in (['predict', models['phase-style'], folder / 'phase-style.csv', '-o', 'a.csv', '--std', 'b.csv'],
+                  ['fill', models['locomotion'], folder / 'locomotion.csv', '-o', 'c.npz'],
+                  ['analyze', models['locomotion'], folder / 'locomotion.csv', '-o', 'd.csv', '--picture', 'e.png'],
+                  ['analyze', models['style-machine'], '--map', 'f.png', '--graph', 'g.dot'],
+                  ['info', folder / 'gait.csv', '--picture', 'h.png'],
+                  ['convert', folder / 'gait.csv', 'i.npz'],
+                  ['convert', folder / 'gait.csv', 'bag', '--storage', 'mcap'],
+                  ['blend', folder / 'gait.csv', folder / 'gait.csv', '--alpha', '0.5', '-o', 'j.csv']):
+        before = set(os.listdir())
+        assert main([str(word) for word in words]) == 0
+        said = [line[6:] for line in capsys.readouterr().out.splitlines() if line.startswith('wrote ')]
+        assert sorted(said) == sorted(set(os.listdir()) - before) and said, words
+
+
+def test_beside_json_it_is_said_on_stderr(models, tmp_path, capsys):
+    assert main(['analyze', str(models['style-machine']), str(models['style-machine'].parent / 'style-machine.csv'),
+                 '--json', '--map', str(tmp_path / 'a.png')]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out) and f'wrote {tmp_path / "a.png"}' in said.err
+
+
+def test_what_was_not_written_is_not_said_to_be(gait, tmp_path, capsys):
+    write_motion(gait, tmp_path / 'a.csv')
+    (tmp_path / 'b.csv').write_text('old')
+    assert main(['convert', str(tmp_path / 'a.csv'), str(tmp_path / 'b.csv'), '--select', 'nothing']) == 1
+    assert 'wrote' not in capsys.readouterr().out

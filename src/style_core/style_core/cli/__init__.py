@@ -8,7 +8,7 @@ import sys
 import warnings
 
 from style_core import __version__
-from style_core.cli.files import check_outputs, find_inputs
+from style_core.cli.files import check_outputs, find_inputs, saying_written
 from style_core.cli.parser import Parser
 from style_core.cli.registry import COMMANDS, KIND_COMMANDS
 from style_core.errors import ModelError, MotionError, UsageError
@@ -58,7 +58,7 @@ def _run(argv, called):
     args = parser.parse_args(argv)
     find_inputs(args)
     check_outputs(args)
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), saying_written(args):
         warnings.showwarning = lambda message, *_: _complain(called, message, 0)
         return module.run(args) or 0
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from style_core.cli.files import add_output
+from style_core.cli.files import add_output, say_written
 from style_core.cli.parser import Several
 from style_core.cli.recordings import add_recorded_rate
 from style_core.cli.train_locomotion import read_recordings
@@ -108,4 +108,5 @@ def _rename(model, args):
     model = replace(model, style_names=tuple(names))
     header = read_header(args.model)
     save(model, args.model, **{key: header[key] for key in ('training_files', 'seed') if key in header})
+    say_written(args.model, args)
     return model

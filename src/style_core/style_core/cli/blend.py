@@ -33,4 +33,4 @@ def run(args):
                      for path in (args.first, args.second))
     motion = interpolate_motions(first, second, args.alpha)
     write_motion(motion, args.output, skeleton=skeleton)
-    print(f'wrote {args.output}: {motion.duration_s:.2f} s from {first.duration_s:.2f} s and {second.duration_s:.2f} s')
+    print(f'{motion.duration_s:.2f} s from {first.duration_s:.2f} s and {second.duration_s:.2f} s')

@@ -69,7 +69,7 @@ def run(args):
     write_motion(motion, args.output, skeleton, storage=args.storage, **_where(args.output, args))
     missing = int(np.isnan(motion.positions).sum())
     course = f'{motion.rate_hz:g} Hz, {motion.duration_s:.6g} s' if motion.n_frames > 1 else 'a single pose'
-    print(f'{args.output}: {motion.n_frames} frames, {motion.n_joints} joints, {course}'
+    print(f'{motion.n_frames} frames, {motion.n_joints} joints, {course}'
           + (f', {missing} values missing' if missing else ''))
 
 

@@ -72,4 +72,4 @@ def run(args):
     if unlike:
         print(f'{len(unlike)} of {len(choices)} pieces are unlike every fragment (the first at '
               f'{unlike[0]["from_s"]:.2f} s): their content is not in the library')
-    print(f'wrote {args.output} ({result.motion.duration_s:.2f} s, was {motion.duration_s:.2f} s)')
+    print(f'{result.motion.duration_s:.2f} s, was {motion.duration_s:.2f} s')

@@ -1,13 +1,15 @@
 """Files that commands read by name (`add_input`) or write (`add_output`): found and checked before any work."""
 import argparse
+import contextlib
 import os
+import sys
 from pathlib import Path
 
 from style_core.errors import UsageError
 from style_core.formats import written_suffixes
 from style_core.places import find_file
 
-__all__ = ['add_input', 'add_output', 'check_outputs', 'find_inputs']
+__all__ = ['add_input', 'add_output', 'check_outputs', 'find_inputs', 'say_written', 'saying_written']
 
 #: what is written -> suffixes that say so
 _SUFFIXES = {
@@ -125,6 +127,29 @@ def check_outputs(args):
             if os.path.realpath(output) == os.path.realpath(other) or (
                     os.path.exists(output) and os.path.exists(other) and os.path.samefile(output, other)):
                 raise UsageError(f'{output} {what}: give another name, or --force')
+
+
+@contextlib.contextmanager
+def saying_written(args):
+    """Say of every output that has become another meanwhile that it was written."""
+    before = {word: _stamp(word) for word in _words(vars(args).values()) if isinstance(word, _Written)}
+    yield
+    for output, stamp in before.items():
+        if _stamp(output) != stamp:
+            say_written(output, args)
+
+
+def say_written(path, args):
+    """Say that a file was written; beside JSON, on stderr."""
+    print(f'wrote {path}', file=sys.stderr if getattr(args, 'json', False) else sys.stdout)
+
+
+def _stamp(path):
+    try:
+        found = os.stat(path)
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns, found.st_size
 
 
 def _check_name(output, storage):

@@ -76,4 +76,3 @@ def run(args):
                 )
     if args.output:
         write_motion(filled, args.output)
-        print(f'wrote {args.output}')

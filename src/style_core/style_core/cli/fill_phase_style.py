@@ -55,7 +55,6 @@ def run(args):
     if hidden:
         error = filled.joints(hidden).positions - motion.joints(hidden).positions
         print(f'error of the hidden joints: {np.degrees(np.sqrt(np.nanmean(error ** 2))):.2f} degrees RMS')
-    print(f'wrote {args.output}')
 
 
 def _smoothed(args, behaviours, masked):

@@ -13,7 +13,7 @@ import json
 
 import numpy as np
 
-from style_core.cli.files import add_output
+from style_core.cli.files import add_output, say_written
 from style_core.cli.number import Positive
 from style_core.cli.recordings import add_joints_of, add_recorded_rate, read_recording
 from style_core.cli.registry import KIND_COMMANDS
@@ -103,8 +103,9 @@ def _draw(args, motion, shown):
     pictures.save(pictures.joint_curves(part.joint_names, recorded, title,
                                         unit='deg' if angles else 'm'), picture)
     if skeleton is not None:
-        pictures.save(pictures.stick_strip(skeleton, [(title, motion)]),
-                      picture.with_name(f'{picture.stem}_pose{picture.suffix}'))
+        pose = picture.with_name(f'{picture.stem}_pose{picture.suffix}')
+        pictures.save(pictures.stick_strip(skeleton, [(title, motion)]), pose)
+        say_written(pose, args)
 
 
 def _describe_model(path):

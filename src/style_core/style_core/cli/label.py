@@ -9,7 +9,7 @@ saved at once; run the command again to go on where you stopped. Then train agai
 """
 from pathlib import Path
 
-from style_core.cli.files import add_input, add_output
+from style_core.cli.files import add_input, add_output, say_written
 from style_core.effort import load
 from style_core.effort.labels import append_label, labelled
 from style_core.pictures import Line, joint_curves, save, stick_strip
@@ -44,6 +44,7 @@ def run(args):
         path = Path(args.pictures) / f'{name.replace("/", "_")}.png'
         if not path.exists():
             save(_picture(library, name, poses, skeleton), path)
+            say_written(path, args)
         if args.only_draw:
             continue
         efforts = _ask(name, path)

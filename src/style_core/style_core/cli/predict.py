@@ -74,4 +74,3 @@ def run(args):
     print(f'{motion.name}: {likely}, {phase}{estimate.status.name}; standard deviation '
           f'{np.degrees(std[0]).mean():.1f} deg at {times[0] - motion.times[-1]:.3f} s, '
           f'{np.degrees(std[-1]).mean():.1f} deg at {times[-1] - motion.times[-1]:.3f} s')
-    print(f'wrote {args.output}')

@@ -50,9 +50,8 @@ def run(args):
     motion, _ = synthesize(model, blend, args.duration, args.rate, args.phase)
     if args.output:
         write_motion(motion, args.output)
-        print(f'wrote {args.output}: {motion.n_frames} frames at {motion.rate_hz:g} Hz')
+        print(f'{motion.n_frames} frames at {motion.rate_hz:g} Hz')
     if args.picture:
         from style_core.pictures import save, stick_strip
         from style_core.skeleton import read_skeleton
         save(stick_strip(read_skeleton(args.skeleton), [(args.blend, motion)], count=12), args.picture)
-        print(f'wrote {args.picture}')

@@ -80,7 +80,7 @@ def run(args):
     if rate is not None:
         motion = motion.resample(rate)
     write_motion(motion, args.output, skeleton)
-    print(f'wrote {args.output}: {motion.n_frames} frames at {motion.rate_hz:g} Hz, {motion.duration_s:.2f} s, style '
+    print(f'{motion.n_frames} frames at {motion.rate_hz:g} Hz, {motion.duration_s:.2f} s, style '
           f'[{", ".join(f"{x:.2f}" for x in style)}]')
     if args.picture:
         from style_core.pictures import save, stick_strip

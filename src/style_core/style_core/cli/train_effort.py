@@ -85,7 +85,6 @@ def run(args):
         print(f'  content {group}: {", ".join(members[:6])}{more}')
     spread = library.efforts.std(axis=0)
     print('spread of the labels: ' + ', '.join(f'{e} {s:.2f}' for e, s in zip(EFFORTS, spread)))
-    print(f'wrote {args.output}')
 
 
 def _table(path):

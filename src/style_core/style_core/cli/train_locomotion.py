@@ -89,7 +89,6 @@ def run(args):
         members = [recording for recording, share in zip(model.recordings, column) if share > 0.5]
         print(f'{name}: cycle of {period:.2f} s, {len(members)} recordings'
               + (f' ({", ".join(members[:6])}{", ..." if len(members) > 6 else ""})' if members else ''))
-    print(f'wrote {args.output}')
 
 
 def _doubt(model, motions):

@@ -124,7 +124,6 @@ def run(args):
         print(f'histories: {len(kept.positions)} frames of {len(kept.names)} recordings, weight '
               '{:.2f} while tracking, {:.2f} while searching'.format(*correction.weight.mean(axis=1)))
         print('the file holds recorded motion: share it only where the recordings may be shared')
-    print(f'wrote {args.output}')
 
 
 def _in_joint_space(motions, joints):

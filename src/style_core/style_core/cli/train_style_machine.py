@@ -95,4 +95,3 @@ def run(args):
           f'{machine.parameters} parameters')
     shares = ', '.join(f'{100 * share:.0f} %' for share in machine.spectrum[:machine.dof])
     print(f'{machine.dof} style coordinates explain {shares}')
-    print(f'wrote {args.output}')
