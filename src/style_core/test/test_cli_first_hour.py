@@ -4,11 +4,13 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from style_core.cli import main
+from style_core.cli.answer import plain
 from style_core.errors import MotionError, UsageError
-from style_core.formats import write_motion
+from style_core.formats import read_motion, write_motion
 from style_core.motion import matching_names
 from style_core.progress import progress
 from style_core.style_expression import evaluate_style
@@ -115,3 +117,30 @@ def test_what_was_not_written_is_not_said_to_be(gait, tmp_path, capsys):
     (tmp_path / 'b.csv').write_text('old')
     assert main(['convert', str(tmp_path / 'a.csv'), str(tmp_path / 'b.csv'), '--select', 'nothing']) == 1
     assert 'wrote' not in capsys.readouterr().out
+
+
+def test_commands_that_make_motion_answer_in_json(models, gait, tmp_path, capsys):
+    """One object, nothing else on stdout, with the frames that are in the file."""
+    folder, out = models['phase-style'].parent, str(tmp_path / 'out.npz')
+    write_motion(gait, tmp_path / 'gait.csv')
+    joint = read_motion(folder / 'phase-style.csv').joint_names[0]
+    for words, keys in (
+            (['predict', models['phase-style'], folder / 'phase-style.csv'], {'status', 'phase', 'first', 'last'}),
+            (['fill', models['phase-style'], folder / 'phase-style.csv', '--mask', joint],
+             {'hidden_rms_deg', 'course'}),
+            (['fill', models['locomotion'], folder / 'locomotion.csv'], {'missing'}),
+            (['synthesize', models['locomotion'], '--blend', '0', '--duration', '1'], {'rate_hz'}),
+            (['synthesize', models['style-machine'], '--content', folder / 'style-machine.csv'], {'nearest', 'style'}),
+            (['convert', tmp_path / 'gait.csv'], {'joints', 'missing'}),
+            (['blend', tmp_path / 'gait.csv', tmp_path / 'gait.csv', '--alpha', '0.5'], {'first_s'})):
+        target = [out] if words[0] == 'convert' else ['-o', out]
+        assert main([str(word) for word in (*words, *target, '--json')]) == 0
+        said = capsys.readouterr()
+        found = json.loads(said.out)
+        assert keys | {'output'} <= set(found) and found['output'] == out and f'wrote {out}' in said.err
+        assert 'frames' not in found or words[0] == 'fill' or found['frames'] == read_motion(out).n_frames
+
+
+def test_what_is_no_number_is_null_in_json():
+    value = {'a': float('nan'), 'b': [np.float64(1.5), np.int64(2)], 'c': np.array([np.inf, 1.0]), 'd': (True, None)}
+    assert plain(value) == {'a': None, 'b': [1.5, 2], 'c': [None, 1.0], 'd': [True, None]}

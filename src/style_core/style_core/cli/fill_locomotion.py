@@ -9,6 +9,7 @@ what came before.
 """
 import numpy as np
 
+from style_core.cli.answer import add_json, answer
 from style_core.cli.files import add_output
 from style_core.cli.number import Number
 from style_core.cli.parser import Several
@@ -35,6 +36,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--score', action='store_true', help='compare what was hidden with what was filled in')
     parser.add_argument('--causal', action='store_true', help='use only what came before each frame, as on line')
     add_recorded_rate(parser)
+    add_json(parser)
 
 
 def run(args):
@@ -60,8 +62,10 @@ def run(args):
     shown = whole.replace(positions=np.where(hidden, np.nan, whole.positions))
     filled, std = fill_causally(model, shown) if args.causal else fill(model, shown)
     missing = np.isnan(shown.positions)
-    print(f'filled {int(missing.sum())} of {missing.size} values in {int(missing.any(axis=1).sum())} frames and '
-          f'{int(missing.any(axis=0).sum())} joints')
+    facts = {'output': args.output, 'missing': int(missing.sum()), 'values': missing.size,
+             'frames': int(missing.any(axis=1).sum()), 'joints': int(missing.any(axis=0).sum())}
+    lines = [f'filled {facts["missing"]} of {missing.size} values in {facts["frames"]} frames and '
+             f'{facts["joints"]} joints']
     if args.score:
         scored = hidden & np.isfinite(whole.positions)
         if not scored.any():
@@ -70,9 +74,12 @@ def run(args):
             chosen = scored & (np.array(model.features.units) == unit)
             if chosen.any():
                 error = factor * (filled.positions - whole.positions)[chosen]
-                print(
-                    f'{shown_unit}: mean squared error {np.mean(error**2):.3f}, root {np.sqrt(np.mean(error**2)):.3f}, '
-                    f'{np.mean(np.abs(error) < 2 * factor * std[chosen]):.0%} within two standard deviations'
-                )
+                score = {'mean_squared_error': float(np.mean(error**2)),
+                         'within_two_std': float(np.mean(np.abs(error) < 2 * factor * std[chosen]))}
+                facts.setdefault('score', {})[shown_unit] = score
+                lines.append(f'{shown_unit}: mean squared error {score["mean_squared_error"]:.3f}, root '
+                             f'{np.sqrt(score["mean_squared_error"]):.3f}, {score["within_two_std"]:.0%} within two '
+                             'standard deviations')
     if args.output:
         write_motion(filled, args.output)
+    answer(args, facts, *lines)

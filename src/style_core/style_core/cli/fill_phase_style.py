@@ -8,6 +8,7 @@ motion-style fill MODEL.npz walk.amc -o whole.csv --mask 'rfemur.*' 'rtibia.*' '
 import numpy as np
 
 from style_core.angles import reordered
+from style_core.cli.answer import add_json, answer
 from style_core.cli.files import add_output
 from style_core.cli.predictor_arguments import add_published, add_reading, fitted, hide
 from style_core.cli.recordings import read_recording
@@ -34,6 +35,7 @@ def add_arguments(parser, argv):
                         help='full: the full model, from both sides of a gap (default); paper: the published method on '
                              'line, each frame from those before it')
     add_published(parser)
+    add_json(parser)
 
 
 def run(args):
@@ -49,12 +51,13 @@ def run(args):
     if args.std:
         write_motion(Motion(names, std, motion.times, name=motion.name), args.std)
     missing = int(np.isnan(masked.joints(list(names)).positions).sum())
-    print(f'filled {missing} of {masked.n_frames * len(names)} values')
-    for line in said:
-        print(line)
+    facts = {'output': args.output, 'missing': missing, 'values': masked.n_frames * len(names), 'course': said}
+    lines = [f'filled {missing} of {facts["values"]} values', *said]
     if hidden:
         error = filled.joints(hidden).positions - motion.joints(hidden).positions
-        print(f'error of the hidden joints: {np.degrees(np.sqrt(np.nanmean(error ** 2))):.2f} degrees RMS')
+        facts['hidden_rms_deg'] = float(np.degrees(np.sqrt(np.nanmean(error ** 2))))
+        lines.append(f'error of the hidden joints: {facts["hidden_rms_deg"]:.2f} degrees RMS')
+    answer(args, facts, *lines)
 
 
 def _smoothed(args, behaviours, masked):
