@@ -32,9 +32,12 @@ def fitting(names, most):
     return ' '.join(parts)
 
 
-def did_you_mean(word, names, most=2):
-    """Words to append to a complaint: the names most like a word that is none of them; empty where none is like it."""
+def did_you_mean(word, names, most=2, before=''):
+    """Words to append to a complaint: the names most like a word that is none of them; empty where none is like it.
+
+    What stands ``before`` every name is shown and not compared.
+    """
     word = word[:SHOWN_TEXT]
     short = {name.lower(): name for name in islice(names, _MOST) if len(name) <= SHOWN_TEXT}
     near = difflib.get_close_matches(word.lower(), list(short), n=most, cutoff=0.6)
-    return f'; did you mean {" or ".join(shown(short[name]) for name in near)}?' if near else ''
+    return f'; did you mean {" or ".join(before + shown(short[name]) for name in near)}?' if near else ''

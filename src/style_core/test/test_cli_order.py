@@ -75,6 +75,7 @@ def test_an_option_without_its_value_is_refused(parser, capsys):
     (['prdict', 'm.npz'], 'there is no prdict; did you mean predict?'),
     (['train', 'phase_style', 'a.amc'], 'did you mean phase-style?'),
     (['convert', 'a.amc', 'b.csv', '--strat', '1'], 'no option --strat; did you mean --start'),
+    (['convert', 'a.amc', 'b.csv', '--zz', '1'], 'no option --zz\n'),
     (['convert', 'a.amc', 'b.csv', '--rat=1'], ''),
     (['convert', 'a.amc', 'b.csv', '--unit', 'degg'], 'there is no degg; did you mean deg?'),
     (['convert', 'a.amc', 'b.csv', '--unit', 'furlong'], 'there is no furlong; there are rad, deg')])

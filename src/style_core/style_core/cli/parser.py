@@ -38,7 +38,8 @@ class Parser(argparse.ArgumentParser):
             words, options, unknown = divide(self._option_string_actions, args)
             if unknown:
                 self.error(f'no option {shown(unknown[0])}'
-                           + did_you_mean(unknown[0].partition('=')[0], self._option_string_actions))
+                           + did_you_mean(unknown[0].partition('=')[0].lstrip('-'), [
+                               name[2:] for name in self._option_string_actions if name.startswith('--')], before='--'))
             # words side by side: argparse gives an optional list of files the first of several groups only
             args = [*options, '--', *words] if any(map(_begins_with_dash, words)) else [*words, *options]
         return super().parse_known_args(args, namespace)
