@@ -18,7 +18,7 @@ from nodes import CONFIG, OF_OTHER_MODES, SERVOS, SYNTHESIZER, enclave, local_on
 
 ARGUMENTS = {
     **{name: entry for name, entry in SYNTHESIZER.items() if name not in ('mode', 'estimate', *OF_OTHER_MODES)},
-    'model': ('locomotion.npz', 'phase-style model file: absolute, or the name of one in config/models'),
+    'model': ('locomotion.npz', 'phase-style model file: in the working folder or in config/models'),
     'file': ('', 'motion file or bag of the person; empty where joint states come from elsewhere'),
     'skeleton': ('', 'skeleton file where the motion file needs one'),
     'loop': ('repeat', 'no, repeat or seamless'),
@@ -31,7 +31,7 @@ ARGUMENTS = {
     'joint_map': ('', "YAML file from model joints to the person's sensors; empty where they are the same"),
     'style': ('', "style expression, also of the person's own style, e.g. '2*person - mean'; empty for the mean of the "
                   'model'),
-    'robot': ('humanoid20.yaml', 'robot file: absolute, or the name of one in config/robots'),
+    'robot': ('humanoid20.yaml', 'robot file: in the working folder or in config/robots'),
     **SERVOS,
     'servos': ('sim', 'none, sim (simulated Dynamixel chain) or real'),
 }

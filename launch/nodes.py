@@ -72,9 +72,9 @@ def predictor(model, joint_map, params, joint_states='joint_states', namespace='
 
 #: arguments of the synthesizer: default, description
 SYNTHESIZER = {
-    'model': ('locomotion.npz', 'model file: absolute, or the name of one in config/models; empty to play a motion '
+    'model': ('locomotion.npz', 'model file: in the working folder or in config/models; empty to play a motion '
                                 'file only'),
-    'robot': ('', 'robot file: absolute, or the name of one in config/robots; empty for the joints of the model'),
+    'robot': ('', 'robot file: in the working folder or in config/robots; empty for the joints of the model'),
     'mode': ('cycle', 'cycle, follow, sequence, random_walk, effort or file'),
     'behaviour': ('', 'of a phase-style model; its first where empty'),
     'style': ('', "style expression, e.g. '1.5*walk - 0.5*run'; empty for the mean of the model"),

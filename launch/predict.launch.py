@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from nodes import CONFIG, local_only, predictor
 
 ARGUMENTS = {
-    'model': ('', 'model file (needed): absolute, or the name of one in config/models'),
+    'model': ('', 'model file (needed): in the working folder or in config/models'),
     'joint_map': ('', 'YAML file from model joints to robot joints; empty where they are the same'),
     'params': (str(CONFIG / 'predictor.yaml'), 'parameter file of the predictor'),
     'method': ('full', 'full, or paper: the published method alone'),

@@ -21,7 +21,7 @@ from nodes import CONFIG, enclave, lifecycle, local_only
 
 ARGUMENTS = {
     'sim': ('false', 'true: start a simulated Dynamixel chain and drive that instead of real servos'),
-    'chain': ('humanoid20.yaml', 'chain file: absolute, or the name of one in config/servo'),
+    'chain': ('humanoid20.yaml', 'chain file: in the working folder or in config/servo'),
     'params': (str(CONFIG / 'servo' / 'bridge.yaml'), 'parameter file of the bridge (with sim:=true and no other '
                'one given, simulated.yaml comes on top)'),
     'backend': ('dynamixel', 'dynamixel or ros2_control'),

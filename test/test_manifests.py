@@ -16,7 +16,7 @@ PACKAGES = sorted(path.parent for path in ROOT.glob('src/*/package.xml'))
 #: key of a module whose package is not called as the module is
 KEYS = {
     **{name: f'python3-{name}' for name in ('numpy', 'scipy', 'matplotlib', 'tqdm', 'yaml', 'pytest', 'hypothesis',
-                                                'serial')},
+                                                'serial', 'argcomplete')},
     'sklearn': 'python3-sklearn', 'rosbags': 'python3-rosbags-pip', 'Cython': 'python3-cython3-pip',
     'urdf_parser_py': 'urdfdom_py', 'dynamixel_easy_sdk': 'dynamixel_sdk', '_pytest': 'python3-pytest',
 }

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from style_core.errors import MotionError, UsageError
+from style_core.text import did_you_mean
 
 __all__ = ['FRAMES_AHEAD', 'RATE_HZ', 'Rollout', 'paper_horizons', 'future', 'roll_out', 'error_deg2', 'rms_deg',
            'coverage', 'log_score', 'crps_deg', 'phase_error_percent', 'event_phase_error_percent', 'mask_out',
@@ -297,7 +298,8 @@ def mask_out(joint_names, patterns, n_frames, first=0, last=None):
     for pattern in patterns:
         matched = np.array([fnmatchcase(name, pattern) for name in joint_names])
         if not matched.any():
-            raise UsageError(f'no joint matches {pattern!r}; there are {", ".join(joint_names)}')
+            raise UsageError(f'no joint matches {pattern!r}; there are {", ".join(joint_names)}'
+                             + did_you_mean(pattern.strip('!*'), joint_names))
         hit |= matched
     shown = np.ones((n_frames, len(joint_names)), dtype=bool)
     shown[first:last, hit] = False

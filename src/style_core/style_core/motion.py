@@ -8,7 +8,7 @@ import numpy as np
 from style_core.budgets import NAME_BYTES, PATTERN_LIST_BYTES, PATTERNS
 from style_core.errors import MotionError
 from style_core.sizes import demand
-from style_core.text import shown
+from style_core.text import did_you_mean, shown
 
 __all__ = ['Motion', 'USUAL_ORDER', 'concatenate', 'matching_names', 'triples_of', 'usual_units']
 
@@ -318,7 +318,8 @@ def matching_names(names, patterns):
     for pattern, found in zip(patterns, matched):
         if not found:
             raise MotionError(f'no joint matches {shown(pattern.removeprefix("!"))!r}; the joints are '
-                              f'{", ".join(names[:8])}{" ..." if len(names) > 8 else ""}')
+                              f'{", ".join(names[:8])}{" ..." if len(names) > 8 else ""}'
+                              + did_you_mean(pattern.strip('!*'), names))
     chosen = [found for pattern, found in zip(patterns, matched) if not pattern.startswith('!')]
     excluded = set().union(*(found for pattern, found in zip(patterns, matched) if pattern.startswith('!')))
     wanted = set().union(*chosen) if chosen else set(names)

@@ -14,7 +14,7 @@ import numpy as np
 
 from style_core.budgets import STYLE_DEPTH, STYLE_TEXT
 from style_core.errors import UsageError
-from style_core.text import shown
+from style_core.text import did_you_mean, shown
 
 __all__ = ['evaluate_style']
 
@@ -207,4 +207,5 @@ class _Parser:
             return np.array(self.styles[name], dtype=float)
         if name == 'generic':
             return np.zeros(self.dof)
-        self.fail(f'there is no style {_quoted(name)}; the styles are {", ".join(sorted(self.styles))} and generic')
+        self.fail(f'there is no style {_quoted(name)}; the styles are {", ".join(sorted(self.styles))} and generic'
+                  + did_you_mean(name, [*self.styles, 'generic']))

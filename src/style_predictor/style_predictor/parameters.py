@@ -46,8 +46,8 @@ def _predictor_together(values):
 
 
 PREDICTOR = ParameterTable((
-    Parameter('model', '', 'Model file: absolute, or relative to models_folder', live=False),
-    Parameter('models_folder', '', 'Folder of models; empty for those that come with the suite', live=False),
+    Parameter('model', '', 'Model file; looked for in the working folder, then among those of the suite', live=False),
+    Parameter('models_folder', '', 'Folder to look for models in instead of those two; may be empty', live=False),
     Parameter('method', METHODS[0], 'Filter: the full one, or the published method alone', choices=METHODS, live=False),
     Parameter('behaviour', '', 'Behaviour of the model file that the published method follows, the first where empty; '
               'the full filter follows all and takes none', live=False),

@@ -9,6 +9,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from style_core.errors import UsageError
+from style_core.places import find_file
 from style_core.recordings import read_recording
 from style_core.skeleton import read_skeleton
 from style_core.stream.joint_map import identity_map, read_joint_map
@@ -30,7 +31,8 @@ class PlayerNode(Node):
         watch(self, PLAYER, lambda: True, lambda values: None)
         values = values_of(self, PLAYER)
         motion = _motion_of(values, self.get_logger())
-        joint_map = read_joint_map(values['joint_map']) if values['joint_map'] else identity_map()
+        name = values['joint_map']
+        joint_map = read_joint_map(find_file(name, 'joint map')) if name else identity_map()
         bound = joint_map.bind(motion.joint_names)
         motion = motion.replace(joint_names=bound.robot_joints, positions=bound.to_robot(motion.positions), units=None)
         self._names = list(bound.robot_joints)

@@ -1,11 +1,9 @@
 """Joint states in, predicted joint trajectory out: the predictor as a lifecycle node."""
 import gc
 import sys
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
@@ -14,6 +12,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from style_core.errors import ModelError, MotionError, UsageError
+from style_core.places import find_file
 from style_core.stream.health import WARN, Health, health_of
 from style_core.stream.joint_map import identity_map, read_joint_map
 from style_core.stream.loading import load_live
@@ -116,20 +115,12 @@ class PredictorNode(SoundLifecycleNode):
     def _build(self, path, horizons):
         """Model, stream and writers, all warm."""
         values = self._values
-        live = load_live(self._model_path(path), values['method'], horizons, values['histories'], values['behaviour'],
-                         values['forgetting'])
-        joint_map = read_joint_map(self._values['joint_map']) if self._values['joint_map'] else identity_map()
-        stream = PredictorStream(live.predictor, joint_map.bind(live.predictor.joint_names), settings_of(self._values))
+        live = load_live(find_file(path, 'model', values['models_folder']), values['method'], horizons,
+                         values['histories'], values['behaviour'], values['forgetting'])
+        name = values['joint_map']
+        joint_map = read_joint_map(find_file(name, 'joint map')) if name else identity_map()
+        stream = PredictorStream(live.predictor, joint_map.bind(live.predictor.joint_names), settings_of(values))
         return live, stream, Writers(live, stream, horizons)
-
-    def _model_path(self, path):
-        folder = self._values['models_folder']
-        if not folder:
-            try:
-                folder = Path(get_package_share_directory('style_bringup')) / 'config' / 'models'
-            except PackageNotFoundError:
-                folder = Path.cwd()
-        return Path(folder) / path
 
     def _apply(self, values):
         """Take over live parameters; called only with values that passed the checks."""

@@ -9,9 +9,7 @@ import time
 import traceback
 from collections import deque
 from functools import partial
-from pathlib import Path
 
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
@@ -23,6 +21,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from style_core.errors import MotionError, UsageError
 from style_core.follow.limiter import PASS
+from style_core.places import find_file
 from style_core.stream.health import WARN, Health
 from style_core.stream.stamp_policy import NANOSECONDS
 from style_msgs.msg import BridgeState
@@ -162,11 +161,7 @@ class BridgeNode(SoundLifecycleNode):
     def _chain_path(self, path):
         if not path:
             raise UsageError('the parameter chain is empty: give a chain file (config/servo/ has examples)')
-        try:
-            folder = Path(get_package_share_directory('style_bringup'))
-        except PackageNotFoundError:
-            folder = Path.cwd()
-        return folder / 'config' / 'servo' / path
+        return find_file(path, 'chain')
 
     def _make_interfaces(self, chain):
         self._names = list(chain.names)

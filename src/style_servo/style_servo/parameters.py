@@ -15,8 +15,8 @@ def _of_bridge(name, text, unit='', lower=None, upper=None, choices=()):
 
 
 BRIDGE = ParameterTable((
-    Parameter('chain', '', 'Chain file: joints, their limits and their servos; absolute, or the name of one in '
-              'config/servo', live=False),
+    Parameter('chain', '', 'Chain file: joints, their limits and their servos; looked for in the working folder, '
+              'then in config/servo', live=False),
     Parameter('backend', 'dynamixel', 'What moves the joints', choices=tuple(BACKENDS), live=False),
     _of_bridge('rate', 'Commands a second', 'Hz', 10.0, 1000.0),
     # input

@@ -41,10 +41,10 @@ def _together(values):
 
 
 SYNTHESIZER = ParameterTable((
-    Parameter('model', '', 'Model file: absolute, or relative to models_folder; empty where only a motion file is '
-              'played', live=False),
-    Parameter('models_folder', '', 'Folder of models; empty for those that come with the suite', live=False),
-    Parameter('robot', '', 'Robot file (joint names, combinations, limits): absolute, or the name of one in '
+    Parameter('model', '', 'Model file; looked for in the working folder, then among those of the suite; empty where '
+              'only a motion file is played', live=False),
+    Parameter('models_folder', '', 'Folder to look for models in instead of those two; may be empty', live=False),
+    Parameter('robot', '', 'Robot file (joint names, combinations, limits); looked for in the working folder, then in '
               'config/robots; empty where the robot has the joints of the model', live=False),
     Parameter('file', '', 'Motion file to play or to restyle (AMC, BVH, CSV, NPZ, bag)', live=False),
     Parameter('skeleton', '', 'Skeleton file where the motion file needs one', live=False),

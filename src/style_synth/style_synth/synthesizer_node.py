@@ -4,12 +4,12 @@ import sys
 from pathlib import Path
 from time import perf_counter
 
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from style_core.errors import ModelError, MotionError, UsageError
+from style_core.places import find_file, shipped_folder
 from style_core.stream.health import WARN, Health
 from style_core.stream.stamp_policy import NANOSECONDS
 from style_core.stream.tally import Tally
@@ -54,7 +54,7 @@ class SynthesizerNode(SoundLifecycleNode):
         self._values = values = values_of(self, SYNTHESIZER)
         self._ahead = window_of(values)
         self.step = values['step']
-        robot = read_robot(self._config('robots', values['robot'])) if values['robot'] else plain_robot()
+        robot = read_robot(find_file(values['robot'], 'robot')) if values['robot'] else plain_robot()
         stage = Stage(self._load(values['model']), robot, settings_of(values))
         stage.style_text = values['style']
         stage.choose(values['mode'], **options_of(values, values['mode']))
@@ -105,19 +105,13 @@ class SynthesizerNode(SoundLifecycleNode):
 
     # --- files --------------------------------------------------------------------------------------------------
 
-    def _config(self, folder, name=''):
-        try:
-            base = Path(get_package_share_directory('style_bringup'))
-        except PackageNotFoundError:
-            base = Path.cwd()
-        return base / 'config' / folder / name
-
     def _models_folder(self):
-        return Path(self._values['models_folder']) if self._values['models_folder'] else self._config('models')
+        return self._values['models_folder'] or shipped_folder('model') or Path.cwd()
 
     def _load(self, model):
         values = self._values
-        return load_repertoire(self._models_folder() / model if model else '', values['file'], values['skeleton'])
+        return load_repertoire(find_file(model, 'model', values['models_folder']) if model else '', values['file'],
+                               values['skeleton'])
 
     def describe(self):
         """Publish the latched lists anew; nothing while not active."""

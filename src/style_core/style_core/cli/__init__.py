@@ -8,7 +8,8 @@ import sys
 import warnings
 
 from style_core import __version__
-from style_core.cli.files import check_outputs
+from style_core.cli.files import check_outputs, find_inputs, saying_written
+from style_core.cli.parser import Parser
 from style_core.cli.registry import COMMANDS, KIND_COMMANDS
 from style_core.errors import ModelError, MotionError, UsageError
 
@@ -20,6 +21,8 @@ _LONGEST = 600
 
 def main(argv=None):
     """Run ``motion-style``; returns the exit status (0 done, 1 failed with one clear line, 2 wrong use)."""
+    if argv is None and '_ARGCOMPLETE' in os.environ:
+        _complete()
     argv = list(sys.argv[1:] if argv is None else argv)
     called = next((word for word in argv if not word.startswith('-')), None)
     with _ended_in_order():
@@ -51,7 +54,19 @@ def main(argv=None):
 
 
 def _run(argv, called):
-    parser = argparse.ArgumentParser(
+    parser, module = _parser(argv, called)
+    args = parser.parse_args(argv)
+    find_inputs(args)
+    check_outputs(args)
+    with warnings.catch_warnings(), saying_written(args):
+        warnings.showwarning = lambda message, *_: _complain(called, message, 0)
+        return module.run(args) or 0
+
+
+def _parser(argv, called):
+    """The parser of every command, of which only the one that is called has arguments, and that one's module."""
+    module = None
+    parser = Parser(
         prog='motion-style', description='Learn, predict, synthesise and evaluate stylistic motion.',
         epilog='motion-style COMMAND --help explains a command.')
     parser.add_argument('--version', action='version', version=f'motion-style {__version__}')
@@ -60,15 +75,24 @@ def _run(argv, called):
         if path == 'style_core.cli.by_kind' and not KIND_COMMANDS[name]:
             continue
         sub = commands.add_parser(name, help=summary, formatter_class=argparse.RawDescriptionHelpFormatter)
-        if name == called:  # only the command that runs is imported
+        if name == called:
             module = importlib.import_module(path)
             sub.description = module.__doc__
             module.add_arguments(sub, argv[argv.index(called) + 1:])
-    args = parser.parse_args(argv)
-    check_outputs(args)
-    with warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_: _complain(called, message, 0)
-        return module.run(args) or 0
+    return parser, module
+
+
+def _complete():
+    """Answer a shell that asks how its line may go on; argcomplete ends the program then."""
+    import argcomplete
+    words = os.environ.get('COMP_LINE', '')[:int(os.environ.get('COMP_POINT', 0))].split(' ')[1:-1]
+    argv = list(filter(None, words))
+    called = next((word for word in argv if not word.startswith('-')), None)
+    try:
+        parser, _ = _parser(argv, called)
+    except (UsageError, ModelError, MotionError, OSError):      # the model is not there yet
+        parser, _ = _parser([], None)
+    argcomplete.autocomplete(parser)
 
 
 def _complain(called, what, status):

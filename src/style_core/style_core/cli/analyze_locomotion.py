@@ -11,9 +11,9 @@ import json
 from dataclasses import replace
 
 import numpy as np
-from tqdm import tqdm
 
-from style_core.cli.files import add_output
+from style_core.cli.files import add_output, say_written
+from style_core.cli.parser import Several
 from style_core.cli.recordings import add_recorded_rate
 from style_core.cli.train_locomotion import read_recordings
 from style_core.errors import UsageError
@@ -22,6 +22,7 @@ from style_core.locomotion.infer import analyze
 from style_core.locomotion.model import load, save
 from style_core.locomotion.pictures import alignment_picture
 from style_core.model_file import read_header
+from style_core.progress import progress
 
 __all__ = ['add_arguments', 'run']
 
@@ -35,10 +36,11 @@ def add_arguments(parser, argv):
     add_output(parser, '-o', '--output', what='table', metavar='CSV', help='write phase and position of every frame')
     add_output(parser, '--picture', what='picture', metavar='PNG', help='draw the recordings over common phases')
     parser.add_argument(
-        '--joints', nargs='+', metavar='JOINT', help='joints in the picture (default: the most moving four)'
+        '--joints', action=Several, metavar='JOINT', help='joints in the picture (default: the most moving four)'
     )
     add_recorded_rate(parser)
-    parser.add_argument('--rename', nargs='+', default=[], metavar='OLD=NEW', help='rename styles in the model file')
+    parser.add_argument('--rename', action=Several, default=[], metavar='OLD=NEW',
+                        help='rename styles in the model file')
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
@@ -53,7 +55,7 @@ def run(args):
             return
         raise UsageError('give recordings to analyze')
     motions = read_recordings(args.files, args.recorded_rate, model.joint_names, args.unit)
-    results = [analyze(model, motion) for motion in tqdm(motions, desc='analyzing', disable=None, leave=False)]
+    results = [analyze(model, motion) for motion in progress(motions, 'analyzing', 'file')]
     rows = [{'recording': r.name, 'style': model.style_names[r.style],
              'probability': float(r.style_probabilities[r.style]),
              'probabilities': dict(zip(model.style_names, map(float, r.style_probabilities))),
@@ -93,6 +95,8 @@ def _style(row):
 
 
 def _rename(model, args):
+    if args.model != args.model_given:
+        raise UsageError(f'{args.model} comes with the suite: copy it and rename the styles of the copy')
     names = list(model.style_names)
     for pair in args.rename:
         old, found, new = pair.partition('=')
@@ -104,4 +108,5 @@ def _rename(model, args):
     model = replace(model, style_names=tuple(names))
     header = read_header(args.model)
     save(model, args.model, **{key: header[key] for key in ('training_files', 'seed') if key in header})
+    say_written(args.model, args)
     return model

@@ -12,7 +12,6 @@ import csv
 import json
 
 import numpy as np
-from tqdm import tqdm
 
 from style_core.cli.files import add_output
 from style_core.cli.predictor_arguments import add_method, add_reading, fitted, hide, read_of
@@ -23,6 +22,7 @@ from style_core.joint_space import space_of
 from style_core.phase_style import behaviour_named, load_behaviours
 from style_core.phase_style.analysis import course_of_batch, events, follow
 from style_core.phase_style.matsubara_predictor import FARTHEST, batch_em
+from style_core.progress import progress
 
 __all__ = ['add_arguments', 'run']
 
@@ -67,16 +67,12 @@ def run(args):
         from style_core.phase_style.pictures import course_picture
         from style_core.pictures import save
         save(course_picture(course, motion.name, result), args.picture)
-    for path in (args.output, args.picture):
-        if path and not args.json:
-            print(f'wrote {path}')
 
 
 def _on_line(args, motion):
     found = read_of(args)
     motion, _ = hide(fitted(motion, found.predictor), found.predictor.joint_names, args.mask)
-    course = follow(found.predictor, motion, lambda frames: tqdm(frames, desc='following', unit='frame', disable=None,
-                                                                 leave=False))
+    course = follow(found.predictor, motion, lambda frames: progress(frames, 'following', 'frame'))
     return course, {'method': args.method}, found.rhythmic, None
 
 

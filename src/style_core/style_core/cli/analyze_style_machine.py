@@ -56,9 +56,6 @@ def run(args):
                 stream.write(graph_dot(machine))
         else:
             save(state_graph(machine), args.graph)
-    for picture in (args.map, args.occupancies, args.graph):
-        if picture and not args.json:
-            print(f'wrote {picture}')
 
 
 def _record(one):

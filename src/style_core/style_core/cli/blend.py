@@ -5,6 +5,7 @@ motion-style blend slow_walk.amc run.amc --alpha 0.3 -o jog.csv
 Alpha 0 returns the first motion, 1 the second; values from -0.25 to 1.25 go a little beyond them. Both are aligned by
 dynamic time warping, so they need not have the same length or timing.
 """
+from style_core.cli.answer import add_json, answer
 from style_core.cli.files import add_output
 from style_core.cli.number import Number
 from style_core.cli.recordings import add_recorded_rate, read_recording
@@ -24,6 +25,7 @@ def add_arguments(parser, argv):
     add_output(parser, '-o', '--output', required=True, metavar='OUT', help='motion file to write, any format')
     parser.add_argument('--skeleton', metavar='FILE', help='needed for AMC output')
     add_recorded_rate(parser)
+    add_json(parser)
 
 
 def run(args):
@@ -33,4 +35,6 @@ def run(args):
                      for path in (args.first, args.second))
     motion = interpolate_motions(first, second, args.alpha)
     write_motion(motion, args.output, skeleton=skeleton)
-    print(f'wrote {args.output}: {motion.duration_s:.2f} s from {first.duration_s:.2f} s and {second.duration_s:.2f} s')
+    answer(args, {'output': args.output, 'duration_s': motion.duration_s, 'first_s': first.duration_s,
+                  'second_s': second.duration_s},
+           f'{motion.duration_s:.2f} s from {first.duration_s:.2f} s and {second.duration_s:.2f} s')

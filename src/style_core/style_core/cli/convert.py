@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from style_core.cli.answer import add_json, answer
 from style_core.cli.files import add_output
 from style_core.cli.number import Number, Positive
 from style_core.cli.recordings import add_joints_of, add_recorded_rate, read_recording
@@ -48,6 +49,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--length-unit', action=Positive, metavar='M',
                         help='length unit of BVH files in metres (0.01 if left out)')
     parser.add_argument('--topic', metavar='T', help='topic of a bag (/joint_states if left out)')
+    add_json(parser)
     parser.add_argument('--storage', choices=('sqlite3', 'mcap'), help='write a bag, a folder, stored so')
 
 
@@ -69,8 +71,11 @@ def run(args):
     write_motion(motion, args.output, skeleton, storage=args.storage, **_where(args.output, args))
     missing = int(np.isnan(motion.positions).sum())
     course = f'{motion.rate_hz:g} Hz, {motion.duration_s:.6g} s' if motion.n_frames > 1 else 'a single pose'
-    print(f'{args.output}: {motion.n_frames} frames, {motion.n_joints} joints, {course}'
-          + (f', {missing} values missing' if missing else ''))
+    answer(args, {'output': args.output, 'frames': motion.n_frames, 'joints': motion.n_joints,
+                  'rate_hz': motion.rate_hz if motion.n_frames > 1 else None,
+                  'duration_s': motion.duration_s if motion.n_frames > 1 else 0.0, 'missing': missing},
+           f'{motion.n_frames} frames, {motion.n_joints} joints, {course}'
+           + (f', {missing} values missing' if missing else ''))
 
 
 def _where(path, args):

@@ -11,7 +11,7 @@ import json
 
 import numpy as np
 
-from style_core.cli.files import add_output
+from style_core.cli.files import add_input, add_output
 from style_core.cli.number import Count, Number
 from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.effort import EFFORTS, load, restyle
@@ -25,7 +25,7 @@ __all__ = ['add_arguments', 'run']
 def add_arguments(parser, argv):
     """The recording, the efforts, the library."""
     parser.add_argument('file', metavar='FILE', help='recording to restyle')
-    parser.add_argument('--library', required=True, metavar='LIBRARY.npz', help='from motion-style train effort')
+    add_input(parser, '--library', required=True, metavar='LIBRARY.npz', help='from motion-style train effort')
     parser.add_argument('--flow', action=Number, metavar='-3..3', help='free (3) or bound (-3)')
     parser.add_argument('--weight', action=Number, metavar='-3..3', help='strong (3) or light (-3)')
     parser.add_argument('--time', action=Number, metavar='-3..3', help='sudden (3) or sustained (-3)')
@@ -72,4 +72,4 @@ def run(args):
     if unlike:
         print(f'{len(unlike)} of {len(choices)} pieces are unlike every fragment (the first at '
               f'{unlike[0]["from_s"]:.2f} s): their content is not in the library')
-    print(f'wrote {args.output} ({result.motion.duration_s:.2f} s, was {motion.duration_s:.2f} s)')
+    print(f'{result.motion.duration_s:.2f} s, was {motion.duration_s:.2f} s')

@@ -11,18 +11,18 @@ all along: a model that does no better knows nothing of the motion. Coverage is 
 band, which is honest from 85 to 95 %. Recordings that the model was trained on are named. Times are of this machine.
 Recordings that cannot be used are counted and named; the others go on.
 """
-import json
 import sys
 
 import numpy as np
-from tqdm import tqdm
 
+from style_core.cli.answer import add_json, answer
 from style_core.cli.number import Count
 from style_core.cli.predictor_arguments import add_method, add_reading, fitted, hide, predictor_of
 from style_core.cli.recordings import read_recording
 from style_core.errors import MotionError
 from style_core.evaluation import FRAMES_AHEAD, RATE_HZ, bands_verdict, paper_horizons, roll_out, summary, verdict
 from style_core.model_file import read_header, was_trained_on
+from style_core.progress import progress
 from style_core.sizes import demand
 
 __all__ = ['add_arguments', 'run']
@@ -33,7 +33,7 @@ def add_arguments(parser, argv):
     parser.add_argument('files', nargs='+', metavar='FILE', help='recordings')
     parser.add_argument('--horizon', action=Count, default=FRAMES_AHEAD, metavar='FRAMES',
                         help=f'frames to predict at {RATE_HZ:g} Hz (default: {FRAMES_AHEAD})')
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    add_json(parser)
     add_reading(parser)
     add_method(parser)
 
@@ -43,7 +43,7 @@ def run(args):
     predictor, method = predictor_of(args)
     header = read_header(args.model)
     results, failures = {}, {}
-    for path in tqdm(args.files, desc='evaluating', unit='file', disable=None, leave=False):
+    for path in progress(args.files, 'evaluating', 'file'):
         try:
             key, one = _scored(path, predictor, args)
         except MotionError as error:
@@ -62,10 +62,8 @@ def run(args):
         raise MotionError('nothing could be scored: no value that was predicted is in the recording' +
                           ('s' if len(results) > 1 else ''))
     if args.json:
-        print(json.dumps(_plain({'model': args.model, 'method': method, 'masked': list(args.mask),
-                                 'recordings': results,
-                                 'failed': {path: str(error) for path, error in failures.items()}}),
-                         indent=1, allow_nan=False))
+        answer(args, {'model': args.model, 'method': method, 'masked': list(args.mask), 'recordings': results,
+                      'failed': {path: str(error) for path, error in failures.items()}})
         return
     shown = sorted({0, min(4, args.horizon - 1), min(9, args.horizon - 1), min(14, args.horizon - 1),
                     args.horizon - 1})
@@ -108,12 +106,3 @@ def _scored(path, predictor, args):
     observed = np.ones(motion.positions.shape, dtype=bool)
     observed[:, [names.index(name) for name in hidden]] = False
     return motion.name, summary(roll_out(predictor, motion, paper_horizons(args.horizon), observed))
-
-
-def _plain(value):
-    """The same with None for what is not a number, which JSON does not know."""
-    if isinstance(value, dict):
-        return {key: _plain(one) for key, one in value.items()}
-    if isinstance(value, list):
-        return [_plain(one) for one in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,12 +1,15 @@
-"""Files that commands write: declared with `add_output`, checked by `check_outputs` before any work is done."""
+"""Files that commands read by name (`add_input`) or write (`add_output`): found and checked before any work."""
 import argparse
+import contextlib
 import os
+import sys
 from pathlib import Path
 
 from style_core.errors import UsageError
 from style_core.formats import written_suffixes
+from style_core.places import find_file
 
-__all__ = ['add_output', 'check_outputs']
+__all__ = ['add_input', 'add_output', 'check_outputs', 'find_inputs', 'say_written', 'saying_written']
 
 #: what is written -> suffixes that say so
 _SUFFIXES = {
@@ -35,6 +38,41 @@ class _Store(argparse.Action):
         setattr(namespace, self.dest, value)
 
 
+class _Named(str):
+    """Name of a file that may come with the suite; ``what`` is that of `find_file`."""
+
+    what = 'model'
+
+
+class _Name(argparse.Action):
+    """Stores the name of a file that may come with the suite."""
+
+    def __init__(self, option_strings, dest, what='model', **options):
+        super().__init__(option_strings, dest, **options)
+        self._what = what
+
+    def __call__(self, parser, namespace, value, option_string=None):
+        """Store it."""
+        value = _Named(value)
+        value.what = self._what
+        setattr(namespace, self.dest, value)
+
+
+def add_input(parser, *flags, what='model', **options):
+    """Add the argument for a file that may be one of those that come with the suite (`style_core.places`).
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    *flags : str
+        As of ``add_argument``.
+    what : {'model', 'robot'}
+    **options
+        As of ``add_argument``.
+    """
+    parser.add_argument(*flags, action=_Name, what=what, **options)
+
+
 def add_output(parser, *flags, what='motion', **options):
     """Add the argument for a file to write, and ``--force`` with the first of them.
 
@@ -51,6 +89,19 @@ def add_output(parser, *flags, what='motion', **options):
     if '--force' not in parser._option_string_actions:
         parser.add_argument('--force', action='store_true',
                             help='write even where that replaces a file which this command reads, or writes itself')
+
+
+def find_inputs(args):
+    """Put where they are in the place of the files named by `add_input`; DEST_given keeps the name.
+
+    Raises
+    ------
+    ModelError
+        Where there is none.
+    """
+    for key, name in [pair for pair in vars(args).items() if isinstance(pair[1], _Named)]:
+        setattr(args, f'{key}_given', str(name))
+        setattr(args, key, find_file(name, name.what))
 
 
 def check_outputs(args):
@@ -76,6 +127,29 @@ def check_outputs(args):
             if os.path.realpath(output) == os.path.realpath(other) or (
                     os.path.exists(output) and os.path.exists(other) and os.path.samefile(output, other)):
                 raise UsageError(f'{output} {what}: give another name, or --force')
+
+
+@contextlib.contextmanager
+def saying_written(args):
+    """Say of every output that has become another meanwhile that it was written."""
+    before = {word: _stamp(word) for word in _words(vars(args).values()) if isinstance(word, _Written)}
+    yield
+    for output, stamp in before.items():
+        if _stamp(output) != stamp:
+            say_written(output, args)
+
+
+def say_written(path, args):
+    """Say that a file was written; beside JSON, on stderr."""
+    print(f'wrote {path}', file=sys.stderr if getattr(args, 'json', False) else sys.stdout)
+
+
+def _stamp(path):
+    try:
+        found = os.stat(path)
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns, found.st_size
 
 
 def _check_name(output, storage):

@@ -9,8 +9,10 @@ what came before.
 """
 import numpy as np
 
+from style_core.cli.answer import add_json, answer
 from style_core.cli.files import add_output
 from style_core.cli.number import Number
+from style_core.cli.parser import Several
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.errors import MotionError, UsageError
 from style_core.formats import write_motion
@@ -28,12 +30,13 @@ def add_arguments(parser, argv):
         'file', metavar='FILE', help='recording; joints of the model that it lacks altogether are added'
     )
     add_output(parser, '-o', '--output', metavar='FILE', help='filled recording; the suffix says which format')
-    parser.add_argument('--hide', nargs='+', default=[], metavar='PATTERN', help='joints to hide first')
+    parser.add_argument('--hide', action=Several, default=[], metavar='PATTERN', help='joints to hide first')
     parser.add_argument('--from', action=Number, dest='start', metavar='S', help='hide from this time on')
     parser.add_argument('--to', action=Number, dest='stop', metavar='S', help='hide up to this time')
     parser.add_argument('--score', action='store_true', help='compare what was hidden with what was filled in')
     parser.add_argument('--causal', action='store_true', help='use only what came before each frame, as on line')
     add_recorded_rate(parser)
+    add_json(parser)
 
 
 def run(args):
@@ -59,8 +62,10 @@ def run(args):
     shown = whole.replace(positions=np.where(hidden, np.nan, whole.positions))
     filled, std = fill_causally(model, shown) if args.causal else fill(model, shown)
     missing = np.isnan(shown.positions)
-    print(f'filled {int(missing.sum())} of {missing.size} values in {int(missing.any(axis=1).sum())} frames and '
-          f'{int(missing.any(axis=0).sum())} joints')
+    facts = {'output': args.output, 'missing': int(missing.sum()), 'values': missing.size,
+             'frames': int(missing.any(axis=1).sum()), 'joints': int(missing.any(axis=0).sum())}
+    lines = [f'filled {facts["missing"]} of {missing.size} values in {facts["frames"]} frames and '
+             f'{facts["joints"]} joints']
     if args.score:
         scored = hidden & np.isfinite(whole.positions)
         if not scored.any():
@@ -69,10 +74,12 @@ def run(args):
             chosen = scored & (np.array(model.features.units) == unit)
             if chosen.any():
                 error = factor * (filled.positions - whole.positions)[chosen]
-                print(
-                    f'{shown_unit}: mean squared error {np.mean(error**2):.3f}, root {np.sqrt(np.mean(error**2)):.3f}, '
-                    f'{np.mean(np.abs(error) < 2 * factor * std[chosen]):.0%} within two standard deviations'
-                )
+                score = {'mean_squared_error': float(np.mean(error**2)),
+                         'within_two_std': float(np.mean(np.abs(error) < 2 * factor * std[chosen]))}
+                facts.setdefault('score', {})[shown_unit] = score
+                lines.append(f'{shown_unit}: mean squared error {score["mean_squared_error"]:.3f}, root '
+                             f'{np.sqrt(score["mean_squared_error"]):.3f}, {score["within_two_std"]:.0%} within two '
+                             'standard deviations')
     if args.output:
         write_motion(filled, args.output)
-        print(f'wrote {args.output}')
+    answer(args, facts, *lines)

@@ -6,9 +6,9 @@ motion-style fill MODEL.npz walk.amc -o whole.csv --mask 'rfemur.*' 'rtibia.*' '
     hide a leg and see how well it comes back (prints the error)
 """
 import numpy as np
-from tqdm import tqdm
 
 from style_core.angles import reordered
+from style_core.cli.answer import add_json, answer
 from style_core.cli.files import add_output
 from style_core.cli.predictor_arguments import add_published, add_reading, fitted, hide
 from style_core.cli.recordings import read_recording
@@ -20,6 +20,7 @@ from style_core.phase_style import METHODS, load_behaviours
 from style_core.phase_style.analysis import follow
 from style_core.phase_style.smoother import fill
 from style_core.predictor_file import read_predictor
+from style_core.progress import progress
 
 __all__ = ['add_arguments', 'run']
 
@@ -34,6 +35,7 @@ def add_arguments(parser, argv):
                         help='full: the full model, from both sides of a gap (default); paper: the published method on '
                              'line, each frame from those before it')
     add_published(parser)
+    add_json(parser)
 
 
 def run(args):
@@ -49,13 +51,13 @@ def run(args):
     if args.std:
         write_motion(Motion(names, std, motion.times, name=motion.name), args.std)
     missing = int(np.isnan(masked.joints(list(names)).positions).sum())
-    print(f'filled {missing} of {masked.n_frames * len(names)} values')
-    for line in said:
-        print(line)
+    facts = {'output': args.output, 'missing': missing, 'values': masked.n_frames * len(names), 'course': said}
+    lines = [f'filled {missing} of {facts["values"]} values', *said]
     if hidden:
         error = filled.joints(hidden).positions - motion.joints(hidden).positions
-        print(f'error of the hidden joints: {np.degrees(np.sqrt(np.nanmean(error ** 2))):.2f} degrees RMS')
-    print(f'wrote {args.output}')
+        facts['hidden_rms_deg'] = float(np.degrees(np.sqrt(np.nanmean(error ** 2))))
+        lines.append(f'error of the hidden joints: {facts["hidden_rms_deg"]:.2f} degrees RMS')
+    answer(args, facts, *lines)
 
 
 def _smoothed(args, behaviours, masked):
@@ -63,8 +65,7 @@ def _smoothed(args, behaviours, masked):
     names = behaviours[0].joint_names
     space = space_of(args.model)
     shown = masked if space is None else space.encode_motion(masked)
-    filled, std, report = fill(behaviours, shown, lambda pieces: tqdm(pieces, desc='smoothing', unit='piece',
-                                                                      disable=None, leave=False))
+    filled, std, report = fill(behaviours, shown, lambda pieces: progress(pieces, 'smoothing', 'piece'))
     if space is not None:
         place = [masked.joint_names.index(name) for name in names]
         positions = masked.positions.copy()
@@ -81,8 +82,7 @@ def _on_line(args, behaviours, masked):
     found = read_predictor(args.model, args.method, forgetting=args.forgetting, behaviour=args.behaviour)
     names = list(found.predictor.joint_names)
     shown = fitted(masked, found.predictor)
-    course = follow(found.predictor, shown, lambda frames: tqdm(frames, desc='following', unit='frame', disable=None,
-                                                                leave=False))
+    course = follow(found.predictor, shown, lambda frames: progress(frames, 'following', 'frame'))
     missing = np.isnan(shown.positions)
     # the order in which the file's joints turn; what was measured stays as it was
     whole = reordered(shown.replace(positions=np.where(missing, course.mean, shown.positions)), masked.orders)

@@ -13,13 +13,14 @@ import json
 
 import numpy as np
 
-from style_core.cli.files import add_output
+from style_core.cli.files import add_output, say_written
 from style_core.cli.number import Positive
 from style_core.cli.recordings import add_joints_of, add_recorded_rate, read_recording
 from style_core.cli.registry import KIND_COMMANDS
 from style_core.errors import ModelError, UsageError
 from style_core.formats import read_motion, skeleton_of
 from style_core.model_file import load_model
+from style_core.places import find_file
 
 __all__ = ['add_arguments', 'run', 'describe_motion']
 
@@ -45,6 +46,8 @@ def add_arguments(parser, argv):
 
 def run(args):
     """Print the description and draw the picture."""
+    if args.file.endswith('.npz'):
+        args.file = find_file(args.file, 'model')
     description = _describe_model(args.file) if args.file.endswith('.npz') else None
     if description is not None:
         if args.picture or args.select:
@@ -100,8 +103,9 @@ def _draw(args, motion, shown):
     pictures.save(pictures.joint_curves(part.joint_names, recorded, title,
                                         unit='deg' if angles else 'm'), picture)
     if skeleton is not None:
-        pictures.save(pictures.stick_strip(skeleton, [(title, motion)]),
-                      picture.with_name(f'{picture.stem}_pose{picture.suffix}'))
+        pose = picture.with_name(f'{picture.stem}_pose{picture.suffix}')
+        pictures.save(pictures.stick_strip(skeleton, [(title, motion)]), pose)
+        say_written(pose, args)
 
 
 def _describe_model(path):

@@ -9,12 +9,11 @@ saved at once; run the command again to go on where you stopped. Then train agai
 """
 from pathlib import Path
 
-from tqdm import tqdm
-
-from style_core.cli.files import add_output
+from style_core.cli.files import add_input, add_output, say_written
 from style_core.effort import load
 from style_core.effort.labels import append_label, labelled
 from style_core.pictures import Line, joint_curves, save, stick_strip
+from style_core.progress import progress
 from style_core.skeleton import read_skeleton
 
 __all__ = ['add_arguments', 'run']
@@ -22,7 +21,7 @@ __all__ = ['add_arguments', 'run']
 
 def add_arguments(parser, argv):
     """The library, the label file, who labels."""
-    parser.add_argument('library', metavar='LIBRARY.npz', help='from motion-style train effort')
+    add_input(parser, 'library', metavar='LIBRARY.npz', help='from motion-style train effort')
     add_output(parser, '-o', '--output', what='table', required=True, metavar='CSV',
                help='label file; rows are added to it')
     parser.add_argument('--labeller', required=True, metavar='NAME', help='who gives the labels')
@@ -41,10 +40,11 @@ def run(args):
     items += [(blend.title(library.names), library.blend(blend)) for blend in library.blends]
     todo = [(name, poses) for name, poses in items if name not in done]
     print(f'{len(items) - len(todo)} of {len(items)} are labelled by {args.labeller}')
-    for name, poses in tqdm(todo, desc='drawing', disable=None if args.only_draw else True):
+    for name, poses in progress(todo, 'drawing', 'picture', shown=args.only_draw):
         path = Path(args.pictures) / f'{name.replace("/", "_")}.png'
         if not path.exists():
             save(_picture(library, name, poses, skeleton), path)
+            say_written(path, args)
         if args.only_draw:
             continue
         efforts = _ask(name, path)

@@ -11,8 +11,8 @@ The output is a motion file of any format that can hold the model's joints; a ta
 of every value is written beside it with --std FILE.csv.
 """
 import numpy as np
-from tqdm import tqdm
 
+from style_core.cli.answer import add_json, answer
 from style_core.cli.files import add_output
 from style_core.cli.number import Number, Positive
 from style_core.cli.predictor_arguments import add_method, add_reading, fitted, hide, predictor_of
@@ -20,6 +20,7 @@ from style_core.cli.recordings import read_recording
 from style_core.errors import UsageError
 from style_core.formats import write_motion
 from style_core.motion import Motion
+from style_core.progress import progress
 from style_core.sizes import demand
 
 __all__ = ['add_arguments', 'run']
@@ -41,6 +42,7 @@ def add_arguments(parser, argv):
     add_output(parser, '--std', what='table', metavar='FILE.csv', help='also write the standard deviations, rad')
     add_reading(parser)
     add_method(parser)
+    add_json(parser)
 
 
 def run(args):
@@ -54,8 +56,7 @@ def run(args):
                              f'{motion.times[0]:g} to {motion.times[-1]:g} s')
         motion = motion.slice(None, args.at + 1e-6)
     every = []
-    for time, y in tqdm(list(zip(motion.times, motion.positions)), desc='following', unit='frame', disable=None,
-                        leave=False):
+    for time, y in progress(list(zip(motion.times, motion.positions)), 'following', 'frame'):
         estimate = predictor.update(time, y)
         if args.ahead is not None:
             every.append(predictor.predict(np.array([args.ahead])))
@@ -72,7 +73,10 @@ def run(args):
     likely = max(estimate.behaviours, key=estimate.behaviours.get)
     phase = '' if np.isnan(estimate.phase) else \
         f'phase {estimate.phase:.2f}, phase velocity {estimate.phase_velocity:.2f} /s, '
-    print(f'{motion.name}: {likely}, {phase}{estimate.status.name}; standard deviation '
-          f'{np.degrees(std[0]).mean():.1f} deg at {times[0] - motion.times[-1]:.3f} s, '
-          f'{np.degrees(std[-1]).mean():.1f} deg at {times[-1] - motion.times[-1]:.3f} s')
-    print(f'wrote {args.output}')
+    ends = [{'horizon_s': float(times[k] - motion.times[-1]), 'std_deg': float(np.degrees(std[k]).mean())}
+            for k in (0, -1)]
+    answer(args, {'recording': motion.name, 'output': args.output, 'frames': len(times), 'status': estimate.status.name,
+                  'behaviour': likely, 'behaviours': dict(estimate.behaviours), 'phase': float(estimate.phase),
+                  'phase_velocity_per_s': float(estimate.phase_velocity), 'first': ends[0], 'last': ends[1]},
+           f'{motion.name}: {likely}, {phase}{estimate.status.name}; standard deviation '
+           + ', '.join(f'{one["std_deg"]:.1f} deg at {one["horizon_s"]:.3f} s' for one in ends))

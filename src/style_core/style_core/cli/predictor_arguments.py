@@ -3,6 +3,7 @@ import numpy as np
 
 from style_core.angles import reordered
 from style_core.cli.number import Number
+from style_core.cli.parser import Several
 from style_core.cli.recordings import add_recorded_rate
 from style_core.errors import MotionError, UsageError
 from style_core.motion import matching_names
@@ -16,7 +17,7 @@ __all__ = ['add_reading', 'add_method', 'add_published', 'predictor_of', 'read_o
 def add_reading(parser):
     """Rate of formats without one, and joints to hide."""
     add_recorded_rate(parser)
-    parser.add_argument('--mask', nargs='+', default=[], metavar='PATTERN',
+    parser.add_argument('--mask', action=Several, default=[], metavar='PATTERN',
                         help="joints to hide from the model, as shell patterns ('lfemur.*'); '!PATTERN' excludes")
 
 
@@ -26,7 +27,8 @@ def add_method(parser):
                         help='of a phase-style model: full, the full filter (default); paper, the published method '
                              'with one behaviour')
     add_published(parser)
-    parser.add_argument('--without', nargs='+', default=[], choices=(*PARTS, 'histories', 'unknown'), metavar='PART',
+    parser.add_argument('--without', action=Several, default=[], metavar='PART',
+                        choices=(*PARTS, 'histories', 'unknown'),
                         help=f'parts of the full filter to leave out: {", ".join(PARTS)}, or histories (the recorded '
                              'motion that a model trained with --histories holds)')
 

@@ -10,7 +10,7 @@ import json
 
 import numpy as np
 
-from style_core.cli.files import add_output
+from style_core.cli.files import add_input, add_output
 from style_core.cli.number import Positive
 from style_core.cli.recordings import read_recording
 from style_core.datasets import BODY
@@ -24,7 +24,7 @@ __all__ = ['add_arguments', 'run']
 
 def add_arguments(parser, argv):
     """PLAN, recordings, where to write."""
-    parser.add_argument('plan', metavar='PLAN', help='YAML file of what to match')
+    add_input(parser, 'plan', what='robot', metavar='PLAN', help='YAML file of what to match')
     parser.add_argument('recordings', nargs='+', metavar='FILE', help='recordings with a skeleton (AMC, BVH)')
     parser.add_argument('--test', action='append', default=[], metavar='FILE',
                         help='recording to measure the error on that the map is not fitted to (several times)')

@@ -10,6 +10,7 @@ exaggerates a style ("1.5*run - 0.5*walk").
 """
 import numpy as np
 
+from style_core.cli.answer import add_json, answer
 from style_core.cli.exaggeration import add_exaggeration, check_far
 from style_core.cli.files import add_output
 from style_core.cli.number import Number, Positive
@@ -34,6 +35,7 @@ def add_arguments(parser, argv):
     add_output(parser, '--picture', what='picture', metavar='PNG',
                help='draw a strip of stick figures (needs --skeleton)')
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf file of the body')
+    add_json(parser)
 
 
 def run(args):
@@ -50,9 +52,9 @@ def run(args):
     motion, _ = synthesize(model, blend, args.duration, args.rate, args.phase)
     if args.output:
         write_motion(motion, args.output)
-        print(f'wrote {args.output}: {motion.n_frames} frames at {motion.rate_hz:g} Hz')
+    answer(args, {'output': args.output, 'frames': motion.n_frames, 'rate_hz': motion.rate_hz},
+           f'{motion.n_frames} frames at {motion.rate_hz:g} Hz')
     if args.picture:
         from style_core.pictures import save, stick_strip
         from style_core.skeleton import read_skeleton
         save(stick_strip(read_skeleton(args.skeleton), [(args.blend, motion)], count=12), args.picture)
-        print(f'wrote {args.picture}')

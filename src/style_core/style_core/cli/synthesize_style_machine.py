@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from style_core.cli.answer import add_json, answer
 from style_core.cli.exaggeration import add_exaggeration, check_far
 from style_core.cli.files import add_output
 from style_core.cli.number import Positive, Seed
@@ -42,6 +43,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--rate', action=Positive, metavar='HZ',
                         help="rate of the result (default: the model's; AMC: 120)")
     add_recorded_rate(parser)
+    add_json(parser)
     parser.add_argument('--skeleton', metavar='FILE', help='.asf or .bvh to write AMC or BVH with (default: the one '
                                                            "beside the recording; for AMC CMU's)")
     add_output(parser, '--picture', what='picture', metavar='PICTURE',
@@ -55,7 +57,7 @@ def run(args):
     skeleton = read_skeleton(args.skeleton) if args.skeleton else skeleton_of(args.content) if args.content else None
     if args.picture and skeleton is None:
         raise UsageError('--picture needs --skeleton')
-    recording = None
+    recording, facts, lines = None, {}, []
     if args.content:
         recording = named_recording(args.content, args.recorded_rate, args.unit)
         found = analyze(machine, recording)
@@ -63,8 +65,9 @@ def run(args):
         if args.style is not None:
             check_far(machine.styles, machine.dof, style, args.max_exaggeration)
         motion = synthesize(machine, found.gamma, style, None if args.keep_timing else found.emission.dwell)
-        print(f'{recording.name}: nearest style {found.nearest} at distance {found.distance:.2f}'
-              + ''.join(f'; out of range: {reason}' for reason in found.reasons))
+        facts = {'nearest': found.nearest, 'distance': found.distance, 'reasons': found.reasons}
+        lines = [f'{recording.name}: nearest style {found.nearest} at distance {found.distance:.2f}'
+                 + ''.join(f'; out of range: {reason}' for reason in found.reasons)]
     else:
         style = machine.style('generic' if args.style is None else args.style)
         check_far(machine.styles, machine.dof, style, args.max_exaggeration)
@@ -80,8 +83,10 @@ def run(args):
     if rate is not None:
         motion = motion.resample(rate)
     write_motion(motion, args.output, skeleton)
-    print(f'wrote {args.output}: {motion.n_frames} frames at {motion.rate_hz:g} Hz, {motion.duration_s:.2f} s, style '
-          f'[{", ".join(f"{x:.2f}" for x in style)}]')
+    answer(args, {'output': args.output, 'frames': motion.n_frames, 'rate_hz': motion.rate_hz,
+                  'duration_s': motion.duration_s, 'style': style, **facts}, *lines,
+           f'{motion.n_frames} frames at {motion.rate_hz:g} Hz, {motion.duration_s:.2f} s, style '
+           f'[{", ".join(f"{x:.2f}" for x in style)}]')
     if args.picture:
         from style_core.pictures import save, stick_strip
         save(stick_strip(skeleton, [(args.style or 'own style', motion)], count=12), args.picture)

@@ -12,11 +12,10 @@ Which fragments show the same action is found by dynamic time warping, unless th
 """
 from pathlib import Path
 
-from tqdm import tqdm
-
 from style_core.cli.files import add_output
 from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Positive, Seed
+from style_core.cli.parser import Several
 from style_core.cli.recordings import add_recorded_rate, read_recording
 from style_core.cli.soundness import doubt_recordings
 from style_core.effort import joint_scale, save, train_library
@@ -26,6 +25,7 @@ from style_core.effort.regression import METHODS
 from style_core.errors import MotionError, UsageError
 from style_core.formats.files import read_table
 from style_core.model_file import training_files
+from style_core.progress import progress
 from style_core.skeleton import read_skeleton
 
 __all__ = ['add_arguments', 'run']
@@ -38,7 +38,7 @@ def add_arguments(parser, argv):
     add_output(parser, '-o', '--output', what='model', required=True, metavar='LIBRARY.npz', help='library to write')
     parser.add_argument('--labels', metavar='CSV', help="a person's labels (motion-style label); computed where absent")
     parser.add_argument('--labeller', metavar='NAME', help="use this person's labels only (default: the mean of all)")
-    parser.add_argument('--joints', nargs='+', metavar='PATTERN',
+    parser.add_argument('--joints', action=Several, metavar='PATTERN',
                         help=JOINTS_HELP.replace('no root', 'a root only if it is complete'))
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf; weighs joints by how far they move '
                                                            'the body (default: all joints weigh the same)')
@@ -58,7 +58,7 @@ def run(args):
     rows = _table(args.fragments) if args.fragments else [(Path(f).stem, Path(f), None, None, '') for f in args.files]
     paths = sorted({path for _, path, *_ in rows})
     recordings = {}
-    for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
+    for path in progress(paths, 'reading', 'file'):
         recordings[path] = read_recording(path, args.recorded_rate, args.unit).resample(args.rate)
     names = chosen_joints(list(recordings.values()), list(recordings), args.joints, root=True)
     recordings = {path: motion.joints(names) for path, motion in recordings.items()}
@@ -75,7 +75,7 @@ def run(args):
     library = train_library(
         motions, groups=contents if all(contents) else None, scale=scale, labels=labels, blends=args.interpolations,
         method=args.method, seed=args.seed, rate_hz=args.rate,
-        progress=lambda items: tqdm(items, desc='matching', disable=None, leave=False))
+        progress=lambda items: progress(items, 'matching'))
     save(library, args.output, {'training_files': training_files(paths)})
     print(f'{len(library.names)} fragments in {library.groups.max() + 1} contents, {len(library.blends)} '
           f'interpolations, labels {"computed from the kinematics" if labels is None else "by a person"}')
@@ -85,7 +85,6 @@ def run(args):
         print(f'  content {group}: {", ".join(members[:6])}{more}')
     spread = library.efforts.std(axis=0)
     print('spread of the labels: ' + ', '.join(f'{e} {s:.2f}' for e, s in zip(EFFORTS, spread)))
-    print(f'wrote {args.output}')
 
 
 def _table(path):

@@ -12,11 +12,11 @@ from collections import Counter
 from dataclasses import replace
 
 import numpy as np
-from tqdm import tqdm
 
 from style_core.cli.files import add_output
 from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Positive, Seed
+from style_core.cli.parser import Several
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.cli.soundness import doubt_fit, doubt_recordings, doubt_repetition
 from style_core.errors import UsageError
@@ -25,6 +25,7 @@ from style_core.locomotion.choose import choose_styles
 from style_core.locomotion.learn import learn
 from style_core.locomotion.model import save
 from style_core.model_file import training_files
+from style_core.progress import progress
 
 __all__ = ['add_arguments', 'run', 'read_recordings']
 
@@ -37,7 +38,7 @@ def add_arguments(parser, argv):
                         help='number of styles, or a range (2-8) to choose from by held-out likelihood (default: 2-8)')
     parser.add_argument(
         '--joints',
-        nargs='+',
+        action=Several,
         metavar='PATTERN',
         help=JOINTS_HELP.replace('no root', 'a root only if it is complete'),
     )
@@ -57,7 +58,7 @@ def read_recordings(files, recorded_rate=None, joints=None, unit=None):
     """Motions of files, continuous and named by their stem; the body's joints and a root that travels unless ``joints``
     says."""
     motions = []
-    for path in tqdm(files, desc='reading', unit='file', disable=None, leave=False):
+    for path in progress(files, 'reading', 'file'):
         motion = named_recording(path, recorded_rate, unit)
         motions.append(motion)
     names = chosen_joints(motions, files, joints, root=True)
@@ -88,7 +89,6 @@ def run(args):
         members = [recording for recording, share in zip(model.recordings, column) if share > 0.5]
         print(f'{name}: cycle of {period:.2f} s, {len(members)} recordings'
               + (f' ({", ".join(members[:6])}{", ..." if len(members) > 6 else ""})' if members else ''))
-    print(f'wrote {args.output}')
 
 
 def _doubt(model, motions):

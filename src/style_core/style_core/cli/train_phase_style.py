@@ -17,11 +17,11 @@ before the first "_" or "-" (35_01, 35_02), unless --person says otherwise.
 """
 
 import numpy as np
-from tqdm import tqdm
 
-from style_core.cli.files import add_output
+from style_core.cli.files import add_input, add_output
 from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Positive
+from style_core.cli.parser import Several
 from style_core.cli.people import add_person, people_of
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.cli.soundness import doubt_fit, doubt_recordings, doubt_repetition
@@ -30,6 +30,7 @@ from style_core.joint_space import fit_space
 from style_core.phase_style import learn_correction, save_behaviours
 from style_core.phase_style.published_learning import train_published
 from style_core.phase_style.training import RATE_HZ, to_sequence, train
+from style_core.progress import progress
 
 __all__ = ['add_arguments', 'run']
 
@@ -44,7 +45,7 @@ def add_arguments(parser, argv):
                         help='a rhythmic behaviour and its recordings; may be given several times')
     parser.add_argument('--discrete-behaviour', nargs='+', action='append', default=[], metavar=('NAME', 'FILE'),
                         help='a discrete behaviour and its recordings; may be given several times')
-    parser.add_argument('--joints', nargs='+', metavar='PATTERN',
+    parser.add_argument('--joints', action=Several, metavar='PATTERN',
                         help=JOINTS_HELP)
     parser.add_argument('--styles', action=Count, metavar='J',
                         help='dimension of the style (default: chosen from the singular values)')
@@ -55,9 +56,9 @@ def add_arguments(parser, argv):
     parser.add_argument('--published', action='store_true',
                         help='learn as published: one cycle a recording, aligned by whole frames. Such a model is for '
                              '--method paper only')
-    parser.add_argument('--aligned-by', metavar='LOCOMOTION.npz',
-                        help='take the phases of rhythmic recordings from this locomotion model (which must know '
-                             'joints of theirs) instead of their auto-correlation')
+    add_input(parser, '--aligned-by', metavar='LOCOMOTION.npz',
+              help='take the phases of rhythmic recordings from this locomotion model (which must know joints of '
+                   'theirs) instead of their auto-correlation')
     add_person(parser)
     add_recorded_rate(parser)
 
@@ -77,7 +78,7 @@ def run(args):
         raise UsageError('--published learns for the published method, which has no --histories and no --aligned-by')
     paths = sorted({file for (_, *files), _ in groups for file in files})
     motions = {}
-    for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False):
+    for path in progress(paths, 'reading', 'file'):
         motions[path] = named_recording(path, args.recorded_rate, args.unit)
     people = people_of(paths, args.person)
     joints = chosen_joints(list(motions.values()), list(motions), args.joints)
@@ -101,7 +102,7 @@ def run(args):
 
     behaviours = [
         learned(name, files, rhythmic)
-        for (name, *files), rhythmic in tqdm(groups, desc='learning', unit='behaviour', disable=None, leave=False)]
+        for (name, *files), rhythmic in progress(groups, 'learning', 'behaviour')]
     correction = None
     if args.histories:
         correction = learn_correction(behaviours, [[to_sequence(motions[file], joints, args.rate, people[file])
@@ -123,7 +124,6 @@ def run(args):
         print(f'histories: {len(kept.positions)} frames of {len(kept.names)} recordings, weight '
               '{:.2f} while tracking, {:.2f} while searching'.format(*correction.weight.mean(axis=1)))
         print('the file holds recorded motion: share it only where the recordings may be shared')
-    print(f'wrote {args.output}')
 
 
 def _in_joint_space(motions, joints):

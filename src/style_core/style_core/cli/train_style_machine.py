@@ -13,16 +13,16 @@ writes its state to MODEL.npz.checkpoint every few seconds; the same command aft
 """
 from pathlib import Path
 
-from tqdm import tqdm
-
 from style_core.cli.files import add_output
 from style_core.cli.joints import JOINTS_HELP, chosen_joints
 from style_core.cli.number import Count, Number, Positive, Seed
+from style_core.cli.parser import Several
 from style_core.cli.recordings import add_recorded_rate, named_recording
 from style_core.cli.soundness import doubt_recordings
 from style_core.errors import UsageError
 from style_core.formats import skeleton_of
 from style_core.model_file import training_files
+from style_core.progress import progress
 from style_core.skeleton import read_skeleton
 
 __all__ = ['add_arguments', 'run']
@@ -34,7 +34,7 @@ def add_arguments(parser, argv):
     parser.add_argument('--style', nargs='+', action='append', default=[], metavar=('NAME', 'FILE'),
                         help='a style and its recordings; may be given several times')
     add_output(parser, '-o', '--output', what='model', required=True, metavar='MODEL.npz', help='model file to write')
-    parser.add_argument('--joints', nargs='+', metavar='PATTERN',
+    parser.add_argument('--joints', action=Several, metavar='PATTERN',
                         help=JOINTS_HELP)
     parser.add_argument('--skeleton', metavar='FILE', help='.asf, .bvh or .urdf (default: beside the first file)')
     parser.add_argument('--states', action=Count, default=75, metavar='N', help='states at the start (default: 75)')
@@ -74,18 +74,18 @@ def run(args):
     settings = Settings(**{key: value for key, value in given.items() if value is not None})
     skeleton = read_skeleton(args.skeleton) if args.skeleton else skeleton_of(paths[0])
     motions = [named_recording(path, args.recorded_rate, args.unit)
-               for path in tqdm(paths, desc='reading', unit='file', disable=None, leave=False)]
+               for path in progress(paths, 'reading', 'file')]
     joints = chosen_joints(motions, paths, args.joints)
     motions = [motion.joints(joints) for motion in motions]
     doubt_recordings(motions)
     checkpoint = args.output + '.checkpoint'
-    with tqdm(desc='training', unit='it', disable=None, leave=False) as bar:
-        def progress(row):
+    with progress(desc='training') as bar:
+        def told(row):
             bar.update()
             bar.set_postfix_str(f"{row['stage']}, temperature {row['temperature']:.3g}, objective "
                                 f"{row['objective']:.1f}, {row['states']} states, {row['transitions']} transitions")
         machine = learn(motions, settings, names, skeleton, args.rate, args.dimensions, args.dof, mirror=args.mirror,
-                        checkpoint=checkpoint, progress=progress, training_files=training_files(paths))
+                        checkpoint=checkpoint, progress=told, training_files=training_files(paths))
     save(machine, args.output)
     Path(checkpoint).unlink(missing_ok=True)
     frames = sum(map(len, machine.recordings.values()))
@@ -95,4 +95,3 @@ def run(args):
           f'{machine.parameters} parameters')
     shares = ', '.join(f'{100 * share:.0f} %' for share in machine.spectrum[:machine.dof])
     print(f'{machine.dof} style coordinates explain {shares}')
-    print(f'wrote {args.output}')

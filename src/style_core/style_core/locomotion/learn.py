@@ -4,7 +4,6 @@ from typing import Tuple
 
 import numpy as np
 from sklearn.cluster import KMeans
-from tqdm import tqdm
 
 from style_core.alignment import period
 from style_core.errors import MotionError, UsageError
@@ -13,6 +12,7 @@ from style_core.locomotion.features import feature_map
 from style_core.locomotion.infer import smooth
 from style_core.locomotion.model import LocomotionModel, without_empty_styles
 from style_core.locomotion.personal import estimate
+from style_core.progress import progress as progress_of
 from style_core.sizes import demand
 
 __all__ = ['Fit', 'Sizes', 'cycle_sizes', 'fit', 'learn', 'features_of', 'standard']
@@ -222,7 +222,7 @@ def learn(motions, n_styles, *, seed=0, restarts=5, rate_hz=None, progress=False
            f'learning cycles of {sizes.n_positions} positions from {max(map(len, scaled))} frames at {rate_hz:g} Hz',
            'a lower rate, or shorter recordings')
     n_iterations = options.get('n_iterations', 15)
-    with tqdm(total=restarts * n_iterations, desc='learning', disable=None if progress else True) as bar:
+    with progress_of(desc='learning', total=restarts * n_iterations, shown=progress) as bar:
         fits = [fit(scaled, sizes, n_styles, [seed, r], precision_max=(scale / features.floors)**2, threads=threads,
                     on_iteration=lambda value: bar.update(), **options) for r in range(restarts)]
     best = max(fits, key=lambda one: one.bounds[-1])

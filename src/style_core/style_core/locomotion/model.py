@@ -11,6 +11,7 @@ from style_core.locomotion.features import FeatureMap
 from style_core.locomotion.personal import Personal
 from style_core.model_file import load_model, save_model
 from style_core.model_schema import check_model
+from style_core.text import did_you_mean
 
 __all__ = ['KIND', 'LocomotionModel', 'without_empty_styles', 'save', 'load', 'from_arrays']
 
@@ -120,7 +121,8 @@ class LocomotionModel:
             return self.style_names.index(name)
         if str(name).isdigit() and int(name) < self.n_styles:
             return int(name)
-        raise ModelError(f'the model has no style {name!r}; it has {", ".join(self.style_names)}')
+        raise ModelError(f'the model has no style {name!r}; it has {", ".join(self.style_names)}'
+                         + did_you_mean(str(name), self.style_names))
 
 
 def without_empty_styles(model):

@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 from typing import Mapping
 
 import numpy as np
-from tqdm import tqdm
 
 from style_core.alignment import fit_cycle, harmonic_design
 from style_core.phase_style.bands import LEAD_S, MOST, Level, check
@@ -32,6 +31,7 @@ from style_core.phase_style.learning import factorise, speed_statistics
 from style_core.phase_style.model import Residual
 from style_core.phase_style.parts import CYCLE, LEVEL, SMOOTH, SMOOTHER
 from style_core.phase_style.style_prior import person_weights, style_prior, styles_in_gait, whitened
+from style_core.progress import progress as progress_of
 
 __all__ = ['HORIZONS', 'Shape', 'leave_out', 'residual_shape', 'learn_residual']
 
@@ -274,8 +274,8 @@ def learn_residual(behaviour, sequences, aligned, rounds=2, progress=False):
     values = dict(START)
     best = cost(values)
     moves = _moves(shape)
-    for step, names in tqdm([(4.0 ** (0.5 ** round_), move) for round_ in range(rounds) for move in moves],
-                            desc=f'residual of {behaviour.name}', leave=False, disable=None if progress else True):
+    for step, names in progress_of([(4.0 ** (0.5 ** round_), move) for round_ in range(rounds) for move in moves],
+                                   f'residual of {behaviour.name}', shown=progress):
         for factor in (step, 1 / step):
             moved = False
             for _ in range(5):

@@ -8,7 +8,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from tqdm import tqdm
 
 from style_core.histories import FRAMES, HistorySearch, RecentPast, gather
 from style_core.phase_style.full_predictor import FullPredictor
@@ -16,6 +15,7 @@ from style_core.phase_style.learning import align, bases_from
 from style_core.phase_style.model import Correction
 from style_core.phase_style.residual import FEWEST_PEOPLE
 from style_core.predictor import Prediction, Status
+from style_core.progress import progress as progress_of
 
 __all__ = ['HORIZONS', 'CorrectedPredictor', 'learn_correction', 'mixing_weights']
 
@@ -188,8 +188,7 @@ def learn_correction(behaviours, sequences, progress=False):
     step = 1 if len(histories.positions) < 3000 else 3  # errors of successive frames say much the same
     neutral = Correction(histories, HORIZONS, np.ones((3, count)), np.ones((2, count)), 1.0)
     found, who = [], []
-    for label in tqdm(sorted(set(labels)), desc='weights of histories', leave=False,
-                      disable=None if progress else True):
+    for label in progress_of(sorted(set(labels)), 'weights of histories', shown=progress):
         left_out = np.flatnonzero(labels == label)
         rest = histories.without(left_out)
         reduced = [_without(behaviour, [sequence for k, (sequence, of) in enumerate(every)

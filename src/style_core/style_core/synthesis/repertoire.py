@@ -14,6 +14,7 @@ from style_core.skeleton import read_skeleton
 from style_core.synthesis.sources.phase_style import CycleSource, FollowSource
 from style_core.synthesis.sources.recording import MotionFileSource
 from style_core.synthesis.sources.style_machine import MachineSource, frames_of_occupancy, frames_of_states
+from style_core.text import did_you_mean
 
 __all__ = ['MODES', 'FollowSettings', 'Repertoire', 'Score', 'load_repertoire', 'list_models']
 
@@ -141,7 +142,8 @@ class Repertoire:
     def _behaviour(self, name, rhythmic):
         if name:
             if name not in self.behaviours:
-                raise UsageError(f'{self.name} has no behaviour {name!r}; it has {", ".join(self.behaviours)}')
+                raise UsageError(f'{self.name} has no behaviour {name!r}; it has {", ".join(self.behaviours)}'
+                                 + did_you_mean(name, self.behaviours))
             return self.behaviours[name]
         fitting = [one for one in self.behaviours.values() if one.rhythmic or not rhythmic]
         if not fitting:
