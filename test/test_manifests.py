@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-
-catkin = pytest.importorskip('catkin_pkg.package')
+from catkin_pkg import package as catkin
 
 pytestmark = pytest.mark.no_middleware
 ROOT = Path(__file__).resolve().parents[1]

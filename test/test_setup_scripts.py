@@ -6,13 +6,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-if sys.version_info < (3, 12):
-    pytest.skip('the prefix is built with CPython 3.12', allow_module_level=True)
 sys.path.insert(0, str(ROOT / 'scripts'))
 
 from ros_prefix import debian, downloads, licence  # noqa: E402
 
-pytestmark = pytest.mark.no_middleware
+pytestmark = [pytest.mark.no_middleware,
+              pytest.mark.skipif(sys.version_info < (3, 12), reason='the prefix is built with CPython 3.12')]
 
 
 @pytest.fixture

@@ -10,14 +10,18 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip('viser')
-playwright = pytest.importorskip('playwright.sync_api')
+# not skipped on import: where launch_testing collects, that would skip every file of the folder
+try:
+    import viser
+    from playwright import sync_api as playwright
+except ImportError:
+    viser = playwright = None
 
 CONFIG = Path(__file__).parents[3] / 'config'
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser') or shutil.which('google-chrome')
 PERSON, MACHINE = CONFIG / 'skeletons' / 'person.asf', CONFIG / 'models' / 'locomotion_styles.npz'
-pytestmark = pytest.mark.skipif(CHROMIUM is None or not MACHINE.is_file(),
-                                reason='needs Chromium and the config folder of the repository')
+pytestmark = pytest.mark.skipif(None in (viser, CHROMIUM) or not MACHINE.is_file(),
+                                reason='needs viser, playwright, Chromium and the config folder of the repository')
 PATIENCE_MS = 60_000
 #: the command, whichever way this Python finds the package
 COMMAND = (sys.executable, '-c', 'import sys; from style_core.cli import main; sys.exit(main())')

@@ -5,12 +5,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rclpy import serialization
+from trajectory_msgs import msg as messages
 
 from style_core.errors import MotionError
 from style_servo.trajectory_message import TrajectoryReader
-
-serialization = pytest.importorskip('rclpy.serialization')
-messages = pytest.importorskip('trajectory_msgs.msg')
 
 
 def message(rng, n, k, velocities=True, accelerations=False, effort=0, frame=''):
