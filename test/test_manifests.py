@@ -19,6 +19,8 @@ KEYS = {
     'sklearn': 'python3-sklearn', 'rosbags': 'python3-rosbags-pip', 'Cython': 'python3-cython3-pip',
     'urdf_parser_py': 'urdfdom_py', 'dynamixel_easy_sdk': 'dynamixel_sdk', '_pytest': 'python3-pytest',
 }
+#: asked for where they are used, with what to install; no distribution's package holds them
+OPTIONAL = {'viser', 'trimesh', 'pyarrow', 'playwright', 'rustypot'}
 
 
 def imported(folder):
@@ -37,7 +39,7 @@ def imported(folder):
 
 def keys(modules):
     """The keys under which package.xml names these modules."""
-    return {KEYS.get(module, module) for module in modules}
+    return {KEYS.get(module, module) for module in modules} - OPTIONAL
 
 
 @pytest.fixture(params=PACKAGES, ids=lambda path: path.name)
