@@ -40,8 +40,8 @@ def test_a_bone_reaches_from_its_parent_to_its_body(person):
     figure = figure_of(motion, person)
     ends = person.forward(motion)[..., [2, 0, 1]]       # y up to z up
     names, bones = person.body_names, np.arange(len(figure.shapes))
-    spans = {tuple(np.round(np.sort(span.ravel()), 4)) for span in
-             ends[37][np.array([[body.parent, number] for number, body in enumerate(person.bodies) if body.parent >= 0])]}
+    joined = np.array([[body.parent, number] for number, body in enumerate(person.bodies) if body.parent >= 0])
+    spans = {tuple(np.round(np.sort(span.ravel()), 4)) for span in ends[37][joined]}
     for bone in bones:
         half = turned(figure.wxyzs[37, bone], np.array([0, 0, figure.scales[37, bone, 2] / 2]))
         drawn = np.array([figure.positions[37, bone] - half, figure.positions[37, bone] + half])
