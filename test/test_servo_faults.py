@@ -214,7 +214,7 @@ def test_a_finished_trajectory_leaves_it_ready(start):
 
 
 @pytest.mark.parametrize('parameters, words', [
-    ({'chain': 'nowhere.yaml'}, 'cannot be read'), ({'port': '/dev/nothing'}, 'no such device'),
+    ({'chain': 'nowhere.yaml'}, 'does not exist, neither in'), ({'port': '/dev/nothing'}, 'no such device'),
     ({'baud': 57600}, 'no servo answers'), ({'chain': ''}, 'the parameter chain is empty'),
     ({'chain': os.path.join(os.path.dirname(__file__), '..', 'config', 'servo', 'humanoid20.yaml')},
      'is a XM540-W270')])
