@@ -143,13 +143,10 @@ cdef class Forecasts:
         self._common = self._odds = 0
         self._count = self._newest = 0
         self._head[:] = 0
-        self._waiting[:] = 0
-        self._score[:] = 0.0
-        self._frames[:] = 0.0
         self._squares[:] = 0.0
         self._square_frames[:] = 0.0
         self.still = self.wanted = False
-        self._weigh()
+        self.forgive()
 
     def forgive(self):
         """Forget what the model's forecasts were worth: it has found its way, and they were made before."""

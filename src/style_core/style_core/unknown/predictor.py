@@ -1,6 +1,7 @@
 """A predictor that knows what it does not know."""
 import numpy as np
 
+from style_core.phase_style.settings import GAP_S
 from style_core.predictor import Status
 from style_core.unknown.forecasts import SCORED, Forecasts
 from style_core.unknown.short_range import FRAME_S, LEADS, cubic, read_short_range
@@ -15,8 +16,6 @@ TRUST_LEAD = SCORED.index(11)
 DOUBT, TRUST = 0.3, 0.7
 #: A status worse than the present one holds once it has lasted for the first of these, a better one for the second, s.
 WORSE_S, BETTER_S = 0.1, 0.5
-#: After a silence this long what was scored says nothing of what comes, s.
-GAP_S = 2.0
 _LEADS_S = np.array(SCORED) * FRAME_S
 _EACH = np.arange(len(SCORED), dtype=np.int32), np.zeros(len(SCORED))
 
